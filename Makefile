@@ -1,0 +1,37 @@
+# Each target sets itself up on a fresh machine: a virtual environment with the tested set of packages.
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+RECORDINGS ?=
+OUT ?= demo
+
+.PHONY: demo test bench lint clean
+
+$(READY): pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[all]'
+	touch $(READY)
+
+# the whole story on the bundled sample; RECORDINGS=folder makes the report from other recordings
+demo: $(READY)
+ifeq ($(strip $(RECORDINGS)),)
+	$(BIN)/flexdrive demo -o $(OUT)
+else
+	$(BIN)/flexdrive report $(RECORDINGS) -o $(OUT)/report.html
+endif
+
+test: $(READY)
+	$(BIN)/python -m pytest -m 'not slow'
+
+bench: $(READY)
+	$(BIN)/python -m benchmarks
+
+lint: $(READY)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+clean:
+	rm -rf $(VENV) $(OUT)
