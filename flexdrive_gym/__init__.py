@@ -1,0 +1,24 @@
+"""The two-mass flexible drive: its physics, recordings of it, and Gymnasium environments."""
+
+from flexdrive_gym.drive.drive import Covariance, Drive, Provenance
+from flexdrive_gym.drive.linear import LinearDrive
+from flexdrive_gym.drive.simulate import Controller, Observation, PControl
+from flexdrive_gym.drive.toml import load_drive, save_drive
+from flexdrive_gym.recording import Excitation, Fault, Recording
+from flexdrive_gym.version import __version__
+
+__all__ = [
+    "Controller",
+    "Covariance",
+    "Drive",
+    "Excitation",
+    "Fault",
+    "LinearDrive",
+    "Observation",
+    "PControl",
+    "Provenance",
+    "Recording",
+    "__version__",
+    "load_drive",
+    "save_drive",
+]

@@ -1,0 +1,62 @@
+"""Compilation of the kernels: once, cached, and never stale.
+
+The compiler's own cache notices a change only in the file of the function it compiled, not in what that function
+calls. The kernels are chains over many files, so their cache lives in a directory named by a digest of all of them
+(and of the compiler's version): a changed effect is always compiled anew, an unchanged one never.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+import platformdirs
+from numba.core import config as _config
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+# Contraction into fused multiply-adds or reassociation would let the batch differ from the single drive in the last
+# bit, so floating point stays strict. Division by zero gives inf as in C: a guard would cost a branch per division.
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": False, "nogil": True}
+
+
+def _digest() -> str:
+    digest = hashlib.sha256(numba.__version__.encode())
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _cache_directory() -> str:
+    root = os.environ.get("FLEXDRIVE_CACHE_DIR") or platformdirs.user_cache_dir("flexdrive")
+    return str(Path(root) / "kernels" / _digest())
+
+
+CACHE_DIRECTORY = _cache_directory()
+
+
+def compiled_before() -> bool:
+    """Whether kernels of exactly this code are in the cache already, so that no compilation is due."""
+    return any(Path(CACHE_DIRECTORY).rglob("*.nbi"))
+
+
+def inlined(function: Function) -> Function:
+    """Compile a small function that other kernels call; it is optimised into its callers."""
+    done: Function = numba.njit(**_OPTIONS)(function)
+    return done
+
+
+def kernel(function: Function) -> Function:
+    """Compile an entry point, cached on disk under the digest of all kernel sources."""
+    config: Any = _config
+    previous = config.CACHE_DIR
+    config.CACHE_DIR = CACHE_DIRECTORY
+    try:
+        done: Function = numba.njit(cache=True, **_OPTIONS)(function)
+    finally:
+        config.CACHE_DIR = previous
+    return done

@@ -1,0 +1,197 @@
+"""The frozen Drive: a parameter set with intervals and provenance, which can be simulated and linearised."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from math import inf
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flexdrive_gym.drive import parameters
+from flexdrive_gym.drive import simulate as simulation
+from flexdrive_gym.drive.linear import LinearDrive
+from flexdrive_gym.recording import FloatArray, Recording
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a drive's numbers come from.
+
+    Attributes
+    ----------
+    method
+        ``handout``, ``ml``, ``values`` or another sentence.
+    recordings
+        Names of the recordings it was identified from.
+    version
+        Version of flexdrive that made it.
+    note
+        Anything a reader should know.
+    """
+
+    method: str = "values"
+    recordings: tuple[str, ...] = ()
+    version: str = ""
+    note: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Covariance:
+    """Joint uncertainty of identified parameters: names and a matrix of shape (n, n) in their units."""
+
+    names: tuple[str, ...]
+    matrix: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """The two-mass drive with all its effects, most of them absent.
+
+    Parameters
+    ----------
+    values
+        Parameter name to value in the handout's units, for example ``{"m1": 4.5e-4, "b1": 0.01, "d1": 0.35,
+        "m2": 2.4e-4, "k": 0.09, "saturation.limit": 8.0}``. What is not named is at its null value. Without ``m2``
+        the drive is rigid: one cart, Lab 2's model.
+    intervals
+        95 % confidence intervals of identified parameters.
+    covariance
+        Their joint uncertainty.
+    provenance
+        Where the numbers come from.
+    name
+        Title for tables and plots.
+
+    Raises
+    ------
+    KeyError, ValueError
+        For an unknown parameter or a value out of bounds.
+    """
+
+    values: Mapping[str, float]
+    intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    covariance: Covariance | None = None
+    provenance: Provenance = field(default_factory=Provenance)
+    name: str = "drive"
+
+    def __post_init__(self) -> None:
+        values = parameters.checked(self.values)
+        if "m1" not in values:
+            raise ValueError("m1: a drive needs the mass of cart 1; got no value. Pass m1 [V s²/mm].")
+        if "m2" not in values and "k" in values:
+            raise ValueError("m2: a drive with a spring needs a second mass; got k alone. Pass m2, or drop k.")
+        object.__setattr__(self, "values", MappingProxyType(values))
+
+    def __getitem__(self, name: str) -> float:
+        return self.values.get(name, parameters.parameter(name).null)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        state = (dict(self.values), dict(self.intervals), self.covariance, self.provenance, self.name)
+        return Drive, state
+
+    def __repr__(self) -> str:
+        inside = ", ".join(f"{k}={v:.6g}" for k, v in self.values.items())
+        return f"Drive({self.name!r}: {inside})"
+
+    @property
+    def carts(self) -> int:
+        """2, or 1 for a rigid drive."""
+        return 2 if np.isfinite(self["m2"]) else 1
+
+    @property
+    def linear(self) -> LinearDrive:
+        """The linear part: Eq. (1) without Coulomb friction and the other effects."""
+        return LinearDrive(*(self[name] for name in ("m1", "m2", "b1", "b2", "k", "C")))
+
+    @property
+    def voltage_limit(self) -> float:
+        """Command limit [V]; inf where there is none."""
+        return self["saturation.limit"]
+
+    def replace(self, changes: Mapping[str, float] | None = None, **more: Any) -> Drive:
+        """Return a drive with other parameter values, or other fields (``name``, ``intervals``, ...).
+
+        Changing a value drops the intervals and the covariance of that value unless they are given too.
+        """
+        fields = {k: more.pop(k) for k in ("intervals", "covariance", "provenance", "name") if k in more}
+        changed = {**(changes or {}), **more}
+        if changed:
+            fields.setdefault("intervals", {k: v for k, v in self.intervals.items() if k not in changed})
+            fields.setdefault("covariance", None)
+        return replace(self, values={**self.values, **changed}, **fields)
+
+    def vector(self) -> FloatArray:
+        """Return the parameter vector of the compiled step, ndarray, shape (n_parameters,)."""
+        return parameters.vector(self.values)
+
+    def simulate(
+        self,
+        t: npt.ArrayLike,
+        u: npt.ArrayLike,
+        *,
+        start: npt.ArrayLike = (0.0, 0.0, 0.0, 0.0),
+        physics_step: float = 1e-3,
+        travel_limit: float = inf,
+        name: str = "simulation",
+    ) -> Recording:
+        """Drive open loop with a recorded or generated command.
+
+        Parameters
+        ----------
+        t : array_like, shape (n,)
+            Uniform sample instants [s].
+        u : array_like, shape (n,)
+            Command [V], held over each sample.
+        start : array_like, shape (4,)
+            x1 [mm], v1 [mm/s], x2 [mm], v2 [mm/s] at ``t[0]``.
+        physics_step
+            Longest step of the integration [s].
+        travel_limit
+            The run ends when a cart is farther than this from x = 0 [mm], as the STOP button ends it on the rig.
+        name
+            Name of the recording.
+
+        Returns
+        -------
+        Recording
+            With x1, x2, v1, v2 as the drive's encoders and velocity processing report them.
+        """
+        times, commands = simulation.uniform(t, u, "u")
+        return simulation.open_loop(self.values, times, commands, start, physics_step, travel_limit, name)
+
+    def simulate_closed_loop(
+        self,
+        t: npt.ArrayLike,
+        reference: npt.ArrayLike,
+        controller: simulation.Controller,
+        *,
+        start: npt.ArrayLike = (0.0, 0.0, 0.0, 0.0),
+        physics_step: float = 1e-3,
+        travel_limit: float = inf,
+        name: str = "simulation",
+    ) -> Recording:
+        """Close the loop at every instant of ``t``.
+
+        Parameters
+        ----------
+        t : array_like, shape (n,)
+            Uniform sample instants [s]; their step is the control period.
+        reference : array_like, shape (n,)
+            xr [mm].
+        controller
+            Called with an :class:`~flexdrive_gym.drive.simulate.Observation`, returns the command [V]; limited to
+            the drive's saturation. A :class:`~flexdrive_gym.drive.simulate.PControl` runs in the compiled loop.
+        start, physics_step, travel_limit, name
+            As in :meth:`simulate`.
+
+        Returns
+        -------
+        Recording
+            With xr, u, x1, x2, v1, v2.
+        """
+        times, xr = simulation.uniform(t, reference, "reference")
+        return simulation.closed_loop(self.values, times, xr, controller, start, physics_step, travel_limit, name)

@@ -1,0 +1,132 @@
+"""What an effect is: a leaf of equation, parameters and hooks into the one step.
+
+An effect is physics that can be present or absent. It has a **null value at which it is exactly the identity**, so
+a drive is the two masses plus *all* effects, most of them at null, and naming physics means finding which
+parameters are not null.
+
+Hooks are plain functions on scalars; :mod:`flexdrive_gym.drive.effects` chains the hooks of one site over all
+effects and compiles the chain into the step. Every hook receives what the chain has accumulated so far as its first
+argument and returns it changed, or unchanged at null. The last two arguments are the drive's parameter vector ``p``
+and the offset ``o`` of this effect's first parameter in it.
+
+=============== ============================================= ==================================================
+site            signature                                     accumulates
+=============== ============================================= ==================================================
+``command``     ``(u, t, p, o)``                              the command on its way to the force [V]
+``spring``      ``(f, delta, rate, z, oz, p, o)``             force the spring puts on cart 2, minus it on cart 1 [V]
+``cart``        ``(f, x, v, fs, t, z, oz, p, o)``             smooth force on the cart besides u and spring [V]
+``friction``    ``(d, x, v, s, fs, t, p, o)``                 kinetic Coulomb level while sliding in direction s [V]
+``breakaway``   ``(d, x, s, fs, t, p, o)``                    level to overcome from rest in direction s [V]
+``rates``       ``(w, x1, v1, x2, v2, u, t, z, oz, p, o)``    writes its states' rates to ``z[oz + w], ...``
+``reading``     ``(y, t, p, o)``                              what the encoder of that cart reports [mm]
+=============== ============================================= ==================================================
+
+``x, v`` are the cart's position [mm] and velocity [mm/s], ``fs`` the spring force [V], ``t`` the time since the start
+of the run [s], ``z`` the additional states with this effect's own from index ``oz`` on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+Where = Literal[
+    "cart_1",
+    "cart_2",
+    "spring",
+    "actuator",
+    "drivetrain",
+    "guide",
+    "encoder_1",
+    "encoder_2",
+    "structure",
+    "parameters",
+]
+Site = Literal["command", "spring", "cart", "friction", "breakaway", "rates", "reading"]
+SITES: tuple[Site, ...] = ("command", "spring", "cart", "friction", "breakaway", "rates", "reading")
+Hook = Callable[..., Any]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One named, bounded number of the drive.
+
+    Attributes
+    ----------
+    name
+        Symbol of the handout or of the effect's reference.
+    unit
+        In the handout's V-scaled units: V s²/mm, V s/mm, V/mm, V, mm, s, Hz.
+    null
+        Value at which the effect is exactly absent.
+    lower, upper
+        Bounds within which the value makes sense.
+    meaning
+        A few words.
+    starts
+        Values from which a fit starts, at plainly present size.
+    """
+
+    name: str
+    unit: str
+    null: float
+    lower: float
+    upper: float
+    meaning: str
+    starts: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A leaf: what the physics is, its parameters, and its hooks.
+
+    Attributes
+    ----------
+    id
+        Name in the catalogue; what the tool prints and writes.
+    where
+        Places that can carry it; each place is an instance with its own parameters.
+    equation
+        In the handout's symbols.
+    parameters
+        In the order in which the hooks see them, ``p[o]`` first.
+    hooks
+        Site to plain function.
+    tells_itself_by, looks_like, separating_experiment, reference
+        For the diagnosis and the documentation.
+    states
+        Names of additional continuous states.
+    fastest_rate
+        Largest rate [1/s] the effect brings for its parameter values, so that the step can be refined.
+    base
+        Part of every drive, compiled into the fast variant of the step.
+    order
+        Place in the chain of its site, small first (a command is limited before it is delayed).
+    symbols
+        For a base effect: the handout's symbol of each parameter per place, for example ``{"cart_1": ("b1",)}``.
+    """
+
+    id: str
+    where: tuple[Where, ...]
+    equation: str
+    parameters: tuple[Parameter, ...]
+    hooks: Mapping[Site, Hook] = field(default_factory=dict)
+    tells_itself_by: str = ""
+    looks_like: tuple[str, ...] = ()
+    separating_experiment: str = ""
+    reference: str = ""
+    states: tuple[str, ...] = ()
+    fastest_rate: Callable[[tuple[float, ...]], float] | None = None
+    base: bool = False
+    order: int = 0
+    symbols: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    def key(self, where: str, name: str) -> str:
+        """Name of one parameter in a drive, for example ``b1`` or ``stribeck.cart_1.vs``."""
+        names = tuple(parameter.name for parameter in self.parameters)
+        if where in self.symbols:
+            return self.symbols[where][names.index(name)]
+        if len(self.where) == 1:
+            return f"{self.id}.{name}"
+        return f"{self.id}.{where}.{name}"

@@ -1,0 +1,139 @@
+"""Entry points of the compiled step: open loop, P-control, one sample, sweeps.
+
+Each is a loop over samples around :func:`~flexdrive_gym.drive.step.advance` and
+:func:`~flexdrive_gym.drive.step.measure`; none holds an equation. ``z`` is ``None`` or the workspace of
+:mod:`~flexdrive_gym.drive.step`; ``memory`` is a float array of length ``MEMORY``.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from flexdrive_gym.drive.compilation import kernel
+from flexdrive_gym.drive.step import W2, advance, limited, measure, power_up
+
+
+@kernel
+def run_open_loop(
+    u: Any,
+    sample_time: float,
+    substeps: int,
+    start: Any,
+    memory: Any,
+    z: Any,
+    p: Any,
+    readings: Any,
+    states: Any,
+) -> None:
+    """Drive with a recorded command.
+
+    Parameters
+    ----------
+    u : ndarray, shape (n,)
+        Command [V], held over each sample.
+    start : ndarray, shape (4,)
+        x1, v1, x2, v2 at the first sample.
+    readings : ndarray, shape (4, n)
+        Written: x1, x2, v1, v2 as the encoders report them.
+    states : ndarray, shape (4, n), or None
+        Written: the true x1, v1, x2, v2.
+    """
+    x1, v1, x2, v2 = start[0], start[1], start[2], start[3]
+    r1, r2, q1, q2 = power_up(x1, v1, x2, v2, memory, z, p)
+    n = u.shape[0]
+    for i in range(n):
+        readings[0, i], readings[1, i], readings[2, i], readings[3, i] = r1, r2, q1, q2
+        if states is not None:
+            states[0, i], states[1, i], states[2, i], states[3, i] = x1, v1, x2, v2
+        if i + 1 < n:
+            t = i * sample_time
+            x1, v1, x2, v2 = advance(x1, v1, x2, v2, u[i], t, sample_time, substeps, memory, z, p)
+            r1, r2, q1, q2 = measure(x1, x2, t + sample_time, sample_time, memory, z, p)
+
+
+@kernel
+def run_p_control(
+    xr: Any,
+    gain: float,
+    feedback: int,
+    sample_time: float,
+    substeps: int,
+    start: Any,
+    memory: Any,
+    z: Any,
+    p: Any,
+    readings: Any,
+    u: Any,
+) -> None:
+    """Close the loop u = Kp·(xr - x) around the encoder of cart 1 or 2 (``feedback``), with the command limit.
+
+    ``readings`` (4, n) and ``u`` (n,) are written.
+    """
+    x1, v1, x2, v2 = start[0], start[1], start[2], start[3]
+    r1, r2, q1, q2 = power_up(x1, v1, x2, v2, memory, z, p)
+    n = xr.shape[0]
+    for i in range(n):
+        readings[0, i], readings[1, i], readings[2, i], readings[3, i] = r1, r2, q1, q2
+        u[i] = limited(gain * (xr[i] - (r1 if feedback == 1 else r2)), p)
+        if i + 1 < n:
+            t = i * sample_time
+            x1, v1, x2, v2 = advance(x1, v1, x2, v2, u[i], t, sample_time, substeps, memory, z, p)
+            r1, r2, q1, q2 = measure(x1, x2, t + sample_time, sample_time, memory, z, p)
+
+
+@kernel
+def sweep_p_control(
+    xr: Any,
+    gains: Any,
+    feedback: int,
+    window: int,
+    sample_time: float,
+    substeps: int,
+    memory: Any,
+    z: Any,
+    p: Any,
+    swing: Any,
+) -> None:
+    """For every gain, the peak-to-peak swing of x2 (x1 if rigid) [mm] over the last ``window`` samples, from rest.
+
+    ``swing`` (number of gains,) is written.
+    """
+    n = xr.shape[0]
+    for j in range(gains.shape[0]):
+        gain = gains[j]
+        x1, v1, x2, v2 = 0.0, 0.0, 0.0, 0.0
+        r1, r2, _q1, _q2 = power_up(x1, v1, x2, v2, memory, z, p)
+        low, high = 1e300, -1e300
+        for i in range(n):
+            if i >= n - window:
+                x = x2 if p[W2] > 0.0 else x1
+                low, high = min(low, x), max(high, x)
+            u = limited(gain * (xr[i] - (r1 if feedback == 1 else r2)), p)
+            t = i * sample_time
+            x1, v1, x2, v2 = advance(x1, v1, x2, v2, u, t, sample_time, substeps, memory, z, p)
+            r1, r2, _q1, _q2 = measure(x1, x2, t + sample_time, sample_time, memory, z, p)
+        swing[j] = high - low
+
+
+@kernel
+def run_sample(
+    state: Any,
+    u: float,
+    t: float,
+    sample_time: float,
+    substeps: int,
+    memory: Any,
+    z: Any,
+    p: Any,
+    reading: Any,
+) -> None:
+    """Advance one control sample; ``state`` (4,) is changed in place, ``reading`` (4,) is written."""
+    x1, v1, x2, v2 = advance(state[0], state[1], state[2], state[3], u, t, sample_time, substeps, memory, z, p)
+    state[0], state[1], state[2], state[3] = x1, v1, x2, v2
+    reading[0], reading[1], reading[2], reading[3] = measure(x1, x2, t + sample_time, sample_time, memory, z, p)
+
+
+@kernel
+def begin(state: Any, memory: Any, z: Any, p: Any, reading: Any) -> None:
+    """Clear the memory of a drive in the given state and write its first readings."""
+    reading[0], reading[1], reading[2], reading[3] = power_up(state[0], state[1], state[2], state[3], memory, z, p)

@@ -1,0 +1,109 @@
+"""Named, bounded parameters of a drive, and the vector the compiled step reads."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from difflib import get_close_matches
+from math import ceil, inf, isnan
+
+import numpy as np
+
+from flexdrive_gym.drive.effects import EFFECTS, LAYOUT, N_PARAMETERS, N_STATES, Parameter
+from flexdrive_gym.recording import FloatArray
+
+MASS_PARAMETERS: dict[str, Parameter] = {
+    "m1": Parameter("m1", "V s²/mm", inf, 1e-9, 1e3, "mass of cart 1 with the motor"),
+    "m2": Parameter("m2", "V s²/mm", inf, 1e-9, inf, "mass of cart 2"),
+}
+
+# a refined step keeps |rate·h| below this, well inside RK4's stability limit of 2.78
+_STABLE = 1.0
+
+
+def parameter(name: str) -> Parameter:
+    """Return the specification of a parameter.
+
+    Raises
+    ------
+    KeyError
+        For an unknown name; the message has near matches.
+    """
+    if name in MASS_PARAMETERS:
+        return MASS_PARAMETERS[name]
+    if name in LAYOUT:
+        return LAYOUT[name].parameter
+    names = [*MASS_PARAMETERS, *LAYOUT]
+    near = get_close_matches(name, names, n=3, cutoff=0.4)
+    hint = f"did you mean {' or '.join(near)}?" if near else f"the names are {', '.join(names)}."
+    raise KeyError(f"parameter: no parameter of the drive is called {name!r}; {hint}")
+
+
+def checked(values: Mapping[str, float]) -> dict[str, float]:
+    """Check names and bounds; return the values that are not null, in a fixed order.
+
+    Raises
+    ------
+    KeyError
+        For an unknown name.
+    ValueError
+        For a value out of bounds, naming parameter, rule and value.
+    """
+    result: dict[str, float] = {}
+    for name, value in values.items():
+        spec = parameter(name)
+        number = float(value)
+        if isnan(number) or not spec.lower <= number <= spec.upper:
+            raise ValueError(
+                f"{name}: must lie in [{spec.lower:g}, {spec.upper:g}] {spec.unit}; got {number:g}. "
+                f"It is the {spec.meaning}; its absence is {spec.null:g}."
+            )
+        if number != spec.null:
+            result[name] = number
+    order = {name: i for i, name in enumerate([*MASS_PARAMETERS, *LAYOUT])}
+    return dict(sorted(result.items(), key=lambda item: order[item[0]]))
+
+
+_NULL = np.zeros(N_PARAMETERS)
+for _slot in LAYOUT.values():
+    _NULL[_slot.index] = _slot.parameter.null
+
+
+def index(name: str) -> int:
+    """Return the place of a parameter in the vector; masses are stored there as their inverse."""
+    return {"m1": 0, "m2": 1}.get(name, LAYOUT[name].index if name in LAYOUT else -1)
+
+
+def vector(values: Mapping[str, float]) -> FloatArray:
+    """Return the parameter vector of the compiled step.
+
+    Returns
+    -------
+    ndarray, shape (n_parameters,)
+        1/m1, 1/m2 (0 for a rigid drive), then every effect's parameters.
+    """
+    p = _NULL.copy()
+    for name, value in values.items():
+        p[index(name)] = 1.0 / value if name in MASS_PARAMETERS else value
+    return p
+
+
+def workspace(values: Mapping[str, float]) -> FloatArray | None:
+    """Return the step's workspace, or ``None`` if only effects every drive has are present."""
+    if all(name in MASS_PARAMETERS or LAYOUT[name].effect.base for name in values):
+        return None
+    return np.zeros(7 * max(N_STATES, 1))
+
+
+def substeps(values: Mapping[str, float], sample_time: float, physics_step: float) -> int:
+    """Return how many physics steps a sample takes: no longer than asked, short enough for the fastest effect."""
+    rate = 0.0
+    for item in EFFECTS:
+        if item.fastest_rate is None:
+            continue
+        for where in item.where:
+            keys = [item.key(where, q.name) for q in item.parameters]
+            if any(key in values for key in keys):
+                numbers = tuple(values.get(k, q.null) for k, q in zip(keys, item.parameters, strict=True))
+                rate = max(rate, item.fastest_rate(numbers))
+    h = min(physics_step, _STABLE / rate) if rate > 0.0 else physics_step
+    return max(1, ceil(sample_time / h - 1e-9))

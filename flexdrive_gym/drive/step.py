@@ -1,0 +1,486 @@
+r"""The one compiled step: two masses, every effect, and set-valued friction kept exactly.
+
+Between events the drive is a smooth system. With the directions of sliding :math:`s_1, s_2 \in \{-1, 0, 1\}` fixed
+(0: sticking),
+
+.. math::
+   m_1 \dot v_1 &= u - F_s + F_1 - s_1 d_1 \quad (s_1 \ne 0), \qquad v_1 = 0 \quad (s_1 = 0), \\
+   m_2 \dot v_2 &= F_s + F_2 - s_2 d_2 \quad (s_2 \ne 0), \qquad v_2 = 0 \quad (s_2 = 0),
+
+where :math:`F_s` is the spring's force, :math:`F_i` the smooth forces on cart i (:math:`-b_i v_i` and more) and
+:math:`d_i` its Coulomb level. Such a piece is integrated by the classical Runge-Kutta method of order four; at 1 ms
+:math:`\omega_n h \approx 0.03` and its error is far below the events'.
+
+A step ends early at the first *event* inside it:
+
+* a sliding cart's velocity changes sign. The instant is the root of the cubic Hermite polynomial through the
+  velocities and accelerations at both ends, exact to fourth order in h. The cart is put to v = 0 and either sticks or
+  reverses;
+* a sticking cart's force leaves the set [-d, d] (or exceeds the breakaway level). The instant is found by a secant on
+  the excess of the force; the cart is released in the direction of that force.
+
+So a cart at rest has exactly zero velocity (no creep), and the result depends on the step size only to the order of
+the scheme. Event-driven integration of dry friction: V. Acary, B. Brogliato, Numerical Methods for Nonsmooth
+Dynamical Systems, 2008, ch. 8.
+
+``z is None`` selects, at compile time, the variant with the effects every drive has; otherwise ``z`` is a workspace
+of seven rows in one flat array, each as long as there are additional states: state, stage, four slopes, trial;
+``r`` is the start of the row to read.
+"""
+
+from __future__ import annotations
+
+from math import exp, pi
+from typing import Any
+
+from flexdrive_gym.drive.compilation import inlined
+from flexdrive_gym.drive.effects import LAYOUT, chain
+
+MAX_EVENTS = 12
+RING = 64
+# memory of one drive between samples: previous readings, filtered velocities, position in and ring of past commands
+MEMORY = 5 + RING
+_PREVIOUS_1, _PREVIOUS_2, _FILTERED_1, _FILTERED_2, _HEAD, _COMMANDS = 0, 1, 2, 3, 4, 5
+
+W1, W2 = 0, 1
+LIMIT = LAYOUT["saturation.limit"].index
+DELAY = LAYOUT["input_delay.tau"].index
+CUTOFF_1 = LAYOUT["velocity_processing.encoder_1.cutoff"].index
+CUTOFF_2 = LAYOUT["velocity_processing.encoder_2.cutoff"].index
+
+_command_base, _command_full = chain("command", base=True), chain("command", base=False)
+_spring_base, _spring_full = chain("spring", base=True), chain("spring", base=False)
+_cart_1_base, _cart_1_full = chain("cart", "cart_1", base=True), chain("cart", "cart_1", base=False)
+_cart_2_base, _cart_2_full = chain("cart", "cart_2", base=True), chain("cart", "cart_2", base=False)
+_friction_1_base, _friction_1_full = (
+    chain("friction", "cart_1", base=True),
+    chain("friction", "cart_1", base=False),
+)
+_friction_2_base, _friction_2_full = (
+    chain("friction", "cart_2", base=True),
+    chain("friction", "cart_2", base=False),
+)
+_breakaway_1 = chain("breakaway", "cart_1", base=False)
+_breakaway_2 = chain("breakaway", "cart_2", base=False)
+_rates = chain("rates", base=False)
+_reading_1_base, _reading_1_full = (
+    chain("reading", "encoder_1", base=True),
+    chain("reading", "encoder_1", base=False),
+)
+_reading_2_base, _reading_2_full = (
+    chain("reading", "encoder_2", base=True),
+    chain("reading", "encoder_2", base=False),
+)
+
+
+@inlined
+def limited(u: float, p: Any) -> float:
+    """Return the command as the amplifier's limit lets it through [V]; this is what a rig records."""
+    return min(max(u, -p[LIMIT]), p[LIMIT])
+
+
+@inlined
+def spring_force(delta: float, rate: float, z: Any, r: int, p: Any) -> float:
+    """Return the spring's force on cart 2 [V] for the deflection x1 - x2 and its rate."""
+    if z is None:
+        return _spring_base(0.0, delta, rate, z, r, p)
+    return _spring_full(0.0, delta, rate, z, r, p)
+
+
+@inlined
+def force_1(x: float, v: float, u: float, fs: float, t: float, z: Any, r: int, p: Any) -> float:
+    """Return the force on cart 1 [V], all but Coulomb friction."""
+    if z is None:
+        return _cart_1_base(u - fs, x, v, fs, t, z, r, p)
+    return _cart_1_full(u - fs, x, v, fs, t, z, r, p)
+
+
+@inlined
+def force_2(x: float, v: float, fs: float, t: float, z: Any, r: int, p: Any) -> float:
+    """Return the force on cart 2 [V], all but Coulomb friction."""
+    if z is None:
+        return _cart_2_base(fs, x, v, fs, t, z, r, p)
+    return _cart_2_full(fs, x, v, fs, t, z, r, p)
+
+
+@inlined
+def level_1(x: float, v: float, s: float, fs: float, t: float, z: Any, r: int, p: Any) -> float:
+    """Return the Coulomb level of cart 1 [V] sliding in direction s."""
+    if z is None:
+        return _friction_1_base(0.0, x, v, s, fs, t, z, r, p)
+    return _friction_1_full(0.0, x, v, s, fs, t, z, r, p)
+
+
+@inlined
+def level_2(x: float, v: float, s: float, fs: float, t: float, z: Any, r: int, p: Any) -> float:
+    """Return the Coulomb level of cart 2 [V] sliding in direction s."""
+    if z is None:
+        return _friction_2_base(0.0, x, v, s, fs, t, z, r, p)
+    return _friction_2_full(0.0, x, v, s, fs, t, z, r, p)
+
+
+@inlined
+def hold_1(x: float, s: float, fs: float, t: float, z: Any, r: int, p: Any) -> float:
+    """Return the force [V] that cart 1 at rest withstands in direction s."""
+    level = level_1(x, 0.0, s, fs, t, z, r, p)
+    if z is None:
+        return level
+    return _breakaway_1(level, x, s, fs, t, z, r, p)
+
+
+@inlined
+def hold_2(x: float, s: float, fs: float, t: float, z: Any, r: int, p: Any) -> float:
+    """Return the force [V] that cart 2 at rest withstands in direction s."""
+    level = level_2(x, 0.0, s, fs, t, z, r, p)
+    if z is None:
+        return level
+    return _breakaway_2(level, x, s, fs, t, z, r, p)
+
+
+@inlined
+def excess_1(x1: float, x2: float, v2: float, u: float, t: float, z: Any, r: int, p: Any) -> float:
+    """Return by how much the force on cart 1 at rest leaves the friction set, signed; 0 while it sticks [V]."""
+    fs = spring_force(x1 - x2, -v2, z, r, p)
+    force = force_1(x1, 0.0, u, fs, t, z, r, p)
+    s = 1.0 if force > 0.0 else -1.0
+    over = force * s - hold_1(x1, s, fs, t, z, r, p)
+    return over * s if over > 0.0 else 0.0
+
+
+@inlined
+def excess_2(x1: float, x2: float, v1: float, t: float, z: Any, r: int, p: Any) -> float:
+    """Return by how much the force on cart 2 at rest leaves the friction set, signed; 0 while it sticks [V]."""
+    fs = spring_force(x1 - x2, v1, z, r, p)
+    force = force_2(x2, 0.0, fs, t, z, r, p)
+    s = 1.0 if force > 0.0 else -1.0
+    over = force * s - hold_2(x2, s, fs, t, z, r, p)
+    return over * s if over > 0.0 else 0.0
+
+
+@inlined
+def accelerations(
+    x1: float,
+    v1: float,
+    x2: float,
+    v2: float,
+    s1: float,
+    s2: float,
+    u: float,
+    t: float,
+    z: Any,
+    r: int,
+    p: Any,
+) -> tuple[float, float]:
+    """Return the accelerations [mm/s²] of both carts for fixed directions of sliding."""
+    fs = spring_force(x1 - x2, v1 - v2, z, r, p)
+    a1 = p[W1] * (force_1(x1, v1, u, fs, t, z, r, p) - s1 * level_1(x1, v1, s1, fs, t, z, r, p))
+    a2 = p[W2] * (force_2(x2, v2, fs, t, z, r, p) - s2 * level_2(x2, v2, s2, fs, t, z, r, p))
+    return (a1 if s1 != 0.0 else 0.0), (a2 if s2 != 0.0 else 0.0)
+
+
+@inlined
+def _width(z: Any) -> int:
+    if z is None:
+        return 0
+    return len(z) // 7
+
+
+@inlined
+def _slopes(slope: int, x1: float, v1: float, x2: float, v2: float, u: float, t: float, z: Any, r: int, p: Any) -> None:
+    if z is not None:
+        _rates(slope * _width(z) - r, x1, v1, x2, v2, u, t, z, r, p)
+
+
+@inlined
+def _stage(slope: int, h: float, z: Any) -> None:
+    if z is not None:
+        n = _width(z)
+        for i in range(n):
+            z[n + i] = z[i] + h * z[slope * n + i]
+
+
+@inlined
+def smooth(
+    x1: float,
+    v1: float,
+    x2: float,
+    v2: float,
+    s1: float,
+    s2: float,
+    u: float,
+    t: float,
+    h: float,
+    z: Any,
+    p: Any,
+) -> tuple[float, float, float, float, float, float]:
+    """Integrate one smooth piece by RK4; return x1, v1, x2, v2 and the accelerations at its start.
+
+    Additional states are read from the first row of ``z`` and left in its last.
+    """
+    half = 0.5 * h
+    n = _width(z)
+    a1, b1 = accelerations(x1, v1, x2, v2, s1, s2, u, t, z, 0, p)
+    _slopes(2, x1, v1, x2, v2, u, t, z, 0, p)
+
+    v1b, v2b = v1 + half * a1, v2 + half * b1
+    x1b, x2b = x1 + half * v1, x2 + half * v2
+    _stage(2, half, z)
+    a2, b2 = accelerations(x1b, v1b, x2b, v2b, s1, s2, u, t + half, z, n, p)
+    _slopes(3, x1b, v1b, x2b, v2b, u, t + half, z, n, p)
+
+    v1c, v2c = v1 + half * a2, v2 + half * b2
+    x1c, x2c = x1 + half * v1b, x2 + half * v2b
+    _stage(3, half, z)
+    a3, b3 = accelerations(x1c, v1c, x2c, v2c, s1, s2, u, t + half, z, n, p)
+    _slopes(4, x1c, v1c, x2c, v2c, u, t + half, z, n, p)
+
+    v1d, v2d = v1 + h * a3, v2 + h * b3
+    x1d, x2d = x1 + h * v1c, x2 + h * v2c
+    _stage(4, h, z)
+    a4, b4 = accelerations(x1d, v1d, x2d, v2d, s1, s2, u, t + h, z, n, p)
+    _slopes(5, x1d, v1d, x2d, v2d, u, t + h, z, n, p)
+
+    sixth = h / 6.0
+    if z is not None:
+        for i in range(n):
+            z[6 * n + i] = z[i] + sixth * (z[2 * n + i] + 2.0 * (z[3 * n + i] + z[4 * n + i]) + z[5 * n + i])
+    return (
+        x1 + sixth * (v1 + 2.0 * (v1b + v1c) + v1d),
+        v1 + sixth * (a1 + 2.0 * (a2 + a3) + a4),
+        x2 + sixth * (v2 + 2.0 * (v2b + v2c) + v2d),
+        v2 + sixth * (b1 + 2.0 * (b2 + b3) + b4),
+        a1,
+        b1,
+    )
+
+
+@inlined
+def crossing(v0: float, slope0: float, v1: float, slope1: float) -> float:
+    """Return where in (0, 1) a cubic with these end values and slopes changes sign, v0 (or its slope) against v1.
+
+    Newton's method, kept inside the bracket by bisection.
+    """
+    c2 = 3.0 * (v1 - v0) - 2.0 * slope0 - slope1
+    c3 = 2.0 * (v0 - v1) + slope0 + slope1
+    low, high = 0.0, 1.0
+    theta = v0 / (v0 - v1)
+    if v0 == 0.0:
+        if slope0 * v1 >= 0.0:
+            return 0.0
+        theta = 0.5
+    for _ in range(30):
+        value = v0 + theta * (slope0 + theta * (c2 + theta * c3))
+        if value * v1 > 0.0:
+            high = theta
+        else:
+            low = theta
+        slope = slope0 + theta * (2.0 * c2 + 3.0 * theta * c3)
+        new = theta - value / slope if slope != 0.0 else 0.5 * (low + high)
+        if not low < new < high:
+            new = 0.5 * (low + high)
+        if abs(new - theta) < 1e-13:
+            return new
+        theta = new
+    return theta
+
+
+@inlined
+def _direction(v: float, released: float, excess: float) -> float:
+    if v > 0.0:
+        return 1.0
+    if v < 0.0:
+        return -1.0
+    if released != 0.0:
+        return released
+    if excess > 0.0:
+        return 1.0
+    if excess < 0.0:
+        return -1.0
+    return 0.0
+
+
+@inlined
+def _commit(z: Any) -> None:
+    if z is not None:
+        n = _width(z)
+        for i in range(n):
+            z[i] = z[6 * n + i]
+
+
+@inlined
+def step(
+    x1: float, v1: float, x2: float, v2: float, u: float, t: float, h: float, z: Any, p: Any
+) -> tuple[float, float, float, float]:
+    """Advance the drive by h seconds under a constant force u; return x1, v1, x2, v2."""
+    left = h
+    released_1, released_2 = 0.0, 0.0
+    trial = 6 * _width(z)
+    for attempt in range(MAX_EVENTS):
+        over_1 = excess_1(x1, x2, v2, u, t, z, 0, p) if v1 == 0.0 else 0.0
+        over_2 = excess_2(x1, x2, v1, t, z, 0, p) if v2 == 0.0 else 0.0
+        s1 = _direction(v1, released_1, over_1)
+        s2 = _direction(v2, released_2, over_2)
+        y1, w1, y2, w2, a1, a2 = smooth(x1, v1, x2, v2, s1, s2, u, t, left, z, p)
+
+        # events of the trial: a sliding cart came back through zero, a sticking cart can no longer be held
+        stop_1, stop_2 = s1 * w1 < 0.0, s2 * w2 < 0.0
+        free_1 = excess_1(y1, y2, w2, u, t + left, z, trial, p) if s1 == 0.0 else 0.0
+        free_2 = excess_2(y1, y2, w1, t + left, z, trial, p) if s2 == 0.0 and p[W2] > 0.0 else 0.0
+        if attempt == MAX_EVENTS - 1 or not (stop_1 or stop_2 or free_1 != 0.0 or free_2 != 0.0):
+            if stop_1:
+                w1 = 0.0
+            if stop_2:
+                w2 = 0.0
+            _commit(z)
+            return y1, w1, y2, w2
+
+        theta_1, theta_2 = 2.0, 2.0
+        if stop_1 or stop_2:
+            e1, e2 = accelerations(y1, w1, y2, w2, s1, s2, u, t + left, z, trial, p)
+            if stop_1:
+                theta_1 = crossing(v1, a1 * left, w1, e1 * left)
+            if stop_2:
+                theta_2 = crossing(v2, a2 * left, w2, e2 * left)
+        if free_1 != 0.0:
+            theta_1 = _release_1(x1, v1, x2, v2, s2, u, t, left, z, p)
+        if free_2 != 0.0:
+            theta_2 = _release_2(x1, v1, x2, v2, s1, u, t, left, z, p)
+
+        theta = min(theta_1, theta_2)
+        h_event = theta * left
+        x1, v1, x2, v2, a1, a2 = smooth(x1, v1, x2, v2, s1, s2, u, t, h_event, z, p)
+        _commit(z)
+        released_1, released_2 = 0.0, 0.0
+        if theta_1 <= theta:
+            v1 = 0.0
+            if free_1 != 0.0:
+                released_1 = 1.0 if free_1 > 0.0 else -1.0
+        if theta_2 <= theta:
+            v2 = 0.0
+            if free_2 != 0.0:
+                released_2 = 1.0 if free_2 > 0.0 else -1.0
+        t += h_event
+        left -= h_event
+        if left <= 0.0:
+            break
+    return x1, v1, x2, v2
+
+
+@inlined
+def _release_1(
+    x1: float, v1: float, x2: float, v2: float, s2: float, u: float, t: float, left: float, z: Any, p: Any
+) -> float:
+    # bisection on "held or not": an event is rare, and the excess has no sign while the cart sticks
+    low, high = 0.0, 1.0
+    for _ in range(40):
+        theta = 0.5 * (low + high)
+        y1, _w1, y2, w2, _a1, _a2 = smooth(x1, v1, x2, v2, 0.0, s2, u, t, theta * left, z, p)
+        if excess_1(y1, y2, w2, u, t + theta * left, z, 6 * _width(z), p) != 0.0:
+            high = theta
+        else:
+            low = theta
+        if high - low < 1e-9:
+            break
+    return high
+
+
+@inlined
+def _release_2(
+    x1: float, v1: float, x2: float, v2: float, s1: float, u: float, t: float, left: float, z: Any, p: Any
+) -> float:
+    low, high = 0.0, 1.0
+    for _ in range(40):
+        theta = 0.5 * (low + high)
+        y1, w1, y2, _w2, _a1, _a2 = smooth(x1, v1, x2, v2, s1, 0.0, u, t, theta * left, z, p)
+        if excess_2(y1, y2, w1, t + theta * left, z, 6 * _width(z), p) != 0.0:
+            high = theta
+        else:
+            low = theta
+        if high - low < 1e-9:
+            break
+    return high
+
+
+@inlined
+def advance(
+    x1: float,
+    v1: float,
+    x2: float,
+    v2: float,
+    command: float,
+    t: float,
+    sample_time: float,
+    substeps: int,
+    memory: Any,
+    z: Any,
+    p: Any,
+) -> tuple[float, float, float, float]:
+    """Advance the drive by one control sample under a held command; return x1, v1, x2, v2.
+
+    An input delay of whole samples plus a remainder makes the sample two pieces: the older command acts for the
+    remainder, the newer one for the rest.
+    """
+    u = _command_base(command, t, z, 0, p) if z is None else _command_full(command, t, z, 0, p)
+    delay = p[DELAY]
+    if delay == 0.0:
+        h = sample_time / substeps
+        for i in range(substeps):
+            x1, v1, x2, v2 = step(x1, v1, x2, v2, u, t + i * h, h, z, p)
+        return x1, v1, x2, v2
+
+    head = (int(memory[_HEAD]) + 1) % RING
+    memory[_HEAD] = head
+    memory[_COMMANDS + head] = u
+    whole = int(delay / sample_time)
+    part = delay - whole * sample_time
+    older = memory[_COMMANDS + (head - whole - 1) % RING]
+    newer = memory[_COMMANDS + (head - whole) % RING]
+    h = part / substeps
+    if part > 0.0:
+        for i in range(substeps):
+            x1, v1, x2, v2 = step(x1, v1, x2, v2, older, t + i * h, h, z, p)
+    h = (sample_time - part) / substeps
+    for i in range(substeps):
+        x1, v1, x2, v2 = step(x1, v1, x2, v2, newer, t + part + i * h, h, z, p)
+    return x1, v1, x2, v2
+
+
+@inlined
+def _velocity(reading: float, previous: float, filtered: float, cutoff: float, sample_time: float) -> float:
+    raw = (reading - previous) / sample_time
+    if cutoff == 0.0:
+        return raw
+    a = exp(-2.0 * pi * cutoff * sample_time)
+    return a * filtered + (1.0 - a) * raw
+
+
+@inlined
+def measure(
+    x1: float, x2: float, t: float, sample_time: float, memory: Any, z: Any, p: Any
+) -> tuple[float, float, float, float]:
+    """Return what the encoders report: positions [mm] and the velocities made from them [mm/s]."""
+    if z is None:
+        r1, r2 = _reading_1_base(x1, t, z, 0, p), _reading_2_base(x2, t, z, 0, p)
+    else:
+        r1, r2 = _reading_1_full(x1, t, z, 0, p), _reading_2_full(x2, t, z, 0, p)
+    q1 = _velocity(r1, memory[_PREVIOUS_1], memory[_FILTERED_1], p[CUTOFF_1], sample_time)
+    q2 = _velocity(r2, memory[_PREVIOUS_2], memory[_FILTERED_2], p[CUTOFF_2], sample_time)
+    memory[_PREVIOUS_1], memory[_PREVIOUS_2] = r1, r2
+    memory[_FILTERED_1], memory[_FILTERED_2] = q1, q2
+    return r1, r2, q1, q2
+
+
+@inlined
+def power_up(
+    x1: float, v1: float, x2: float, v2: float, memory: Any, z: Any, p: Any
+) -> tuple[float, float, float, float]:
+    """Clear the memory of one drive that starts in the given state; return its first readings."""
+    memory[:] = 0.0
+    if z is None:
+        r1, r2 = _reading_1_base(x1, 0.0, z, 0, p), _reading_2_base(x2, 0.0, z, 0, p)
+    else:
+        z[:] = 0.0
+        r1, r2 = _reading_1_full(x1, 0.0, z, 0, p), _reading_2_full(x2, 0.0, z, 0, p)
+    memory[_PREVIOUS_1], memory[_PREVIOUS_2] = r1, r2
+    memory[_FILTERED_1], memory[_FILTERED_2] = v1, v2
+    return r1, r2, v1, v2

@@ -1,0 +1,180 @@
+"""What a rig, real or simulated, leaves behind: sampled signals with units and provenance.
+
+A :class:`Recording` is the one currency between rig, simulation, identification and reports. All lengths are
+in mm, times in s, velocities in mm/s and commands in V, whatever units the file had.
+
+Two conventions matter at 1 kHz and are the rig's own:
+
+* ``u[n]`` is held from ``t[n]`` until ``t[n+1]`` (zero-order hold);
+* ``v[n]`` is made from the encoder readings at ``t[n]`` and before, so the raw difference is
+  ``v[n] = (x[n] - x[n-1]) / Ts``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+Channel = Literal["x1", "x2", "v1", "v2"]
+Kind = Literal["square", "sine", "closed_loop", "other"]
+
+CHANNELS: tuple[Channel, ...] = ("x1", "x2", "v1", "v2")
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """What drove the rig, as recognised from the data (never from a file name).
+
+    Attributes
+    ----------
+    kind
+        ``square``, ``sine``, ``closed_loop`` or ``other``.
+    amplitude
+        Of the command [V]; for ``closed_loop`` the largest excursion of the reference from its start [mm]; 0 where
+        unknown.
+    frequency
+        Of the command or of the repeating reference [Hz]; 0 where it does not repeat.
+    feedback
+        For ``closed_loop``: the fed-back position, ``x1`` or ``x2``.
+    gain
+        For ``closed_loop``: Kp [V/mm] estimated from u and xr - x.
+    limit
+        Largest |u| where u rests against a limit [V], else ``None``.
+    """
+
+    kind: Kind
+    amplitude: float = 0.0
+    frequency: float = 0.0
+    feedback: Literal["x1", "x2"] | None = None
+    gain: float | None = None
+    limit: float | None = None
+
+    def __str__(self) -> str:
+        if self.kind == "closed_loop" and self.gain is None:
+            return "closed loop, controller not recognised"
+        if self.kind == "closed_loop":
+            return f"P-control from {self.feedback}, Kp = {self.gain:.4g} V/mm"
+        if self.kind == "other":
+            return "other excitation"
+        return f"{self.kind} ±{self.amplitude:.3g} V, {self.frequency:.3g} Hz"
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A data fault, not physics: reported, masked, never fitted.
+
+    ``start_s`` and ``end_s`` are the first and last faulty instants [s].
+    """
+
+    recording: str
+    where: Literal["encoder_1", "encoder_2", "actuator", "recording"]
+    id: str
+    start_s: float
+    end_s: float
+    note: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """One run of the drive.
+
+    Attributes
+    ----------
+    name
+        Short name, unique in a data set.
+    t, u
+        Time [s] and command [V], ndarray, shape (n,).
+    x1, x2
+        Cart positions [mm], ndarray, shape (n,), or ``None`` where not recorded.
+    v1, v2
+        Cart velocities [mm/s], ndarray, shape (n,), or ``None``.
+    xr
+        Reference position [mm], ndarray, shape (n,), or ``None`` for open-loop runs.
+    quantum
+        Encoder counts of cart 1 and cart 2 [mm]; 0 where the channel shows none.
+    velocity_cutoff
+        How velocity was made from position: 0 for the raw backward difference, a cut-off [Hz] for a first-order
+        filtered derivative, ``None`` where that is unknown (then it is treated as the raw difference).
+    excitation
+        What drove the run.
+    faults
+        Sensor and data faults found in it.
+    notes
+        Named warnings met while reading, for example jitter.
+    source
+        File it came from, or how it was simulated.
+    """
+
+    name: str
+    t: FloatArray
+    u: FloatArray
+    x1: FloatArray | None = None
+    x2: FloatArray | None = None
+    v1: FloatArray | None = None
+    v2: FloatArray | None = None
+    xr: FloatArray | None = None
+    quantum: tuple[float, float] = (0.0, 0.0)
+    velocity_cutoff: float | None = 0.0
+    excitation: Excitation = field(default_factory=lambda: Excitation("other"))
+    faults: tuple[Fault, ...] = ()
+    notes: tuple[str, ...] = ()
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        n = len(self.t)
+        for name in ("u", *CHANNELS, "xr"):
+            values = getattr(self, name)
+            if values is not None and np.shape(values) != (n,):
+                raise ValueError(
+                    f"{name}: must have the shape of t, ({n},); got {np.shape(values)}. "
+                    "Pass one value of each channel per sample."
+                )
+
+    @property
+    def n(self) -> int:
+        """Number of samples."""
+        return len(self.t)
+
+    @property
+    def sample_time(self) -> float:
+        """Sampling period Ts [s], the median step of ``t``."""
+        return float(np.median(np.diff(self.t)))
+
+    @property
+    def closed_loop(self) -> bool:
+        """Whether the command was made by feedback."""
+        return self.excitation.kind == "closed_loop"
+
+    def channels(self) -> Iterator[tuple[Channel, FloatArray]]:
+        """Yield the measured channels that are present, in the order x1, x2, v1, v2."""
+        for name in CHANNELS:
+            values = getattr(self, name)
+            if values is not None:
+                yield name, values
+
+    def valid(self, channel: Channel) -> BoolArray:
+        """Return which samples of a channel no fault touches.
+
+        Returns
+        -------
+        ndarray of bool, shape (n,)
+        """
+        ok = np.ones(self.n, dtype=np.bool_)
+        where = f"encoder_{channel[1]}"
+        half = 0.5 * self.sample_time
+        for fault in self.faults:
+            if fault.where in (where, "recording"):
+                ok &= ~((self.t >= fault.start_s - half) & (self.t <= fault.end_s + half))
+        return ok
+
+    def with_faults(self, faults: tuple[Fault, ...]) -> Recording:
+        """Return the same run with other faults."""
+        return replace(self, faults=faults)

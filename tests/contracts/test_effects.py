@@ -1,0 +1,53 @@
+"""Every effect of the catalogue, present and future, keeps these promises."""
+
+import numpy as np
+import pytest
+
+from flexdrive_gym import Drive
+from flexdrive_gym.drive.effects import EFFECTS, LAYOUT
+from flexdrive_gym.drive.parameters import vector
+from flexdrive_gym.references import square
+from tests.drive.drives import RIG
+
+T = np.arange(1501) * 1e-3
+U = square(T, 2.0, 1.0)
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.id)
+def test_documents_itself(effect):
+    assert effect.equation
+    assert effect.tells_itself_by
+    assert effect.reference
+    assert effect.where
+    for parameter in effect.parameters:
+        assert parameter.meaning
+        assert parameter.lower <= parameter.null <= parameter.upper
+        assert parameter.starts
+        assert all(parameter.lower <= start <= parameter.upper for start in parameter.starts)
+
+
+@pytest.mark.parametrize("key", LAYOUT)
+def test_null_is_exactly_the_identity(key):
+    without = {k: v for k, v in RIG.items() if k != key}
+    with_null = Drive({**without, key: LAYOUT[key].parameter.null})
+    a, b = Drive(without).simulate(T, U), with_null.simulate(T, U)
+    for name in ("x1", "x2", "v1", "v2"):
+        assert np.array_equal(getattr(a, name), getattr(b, name))
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.id)
+def test_does_something_when_present(effect):
+    for where in effect.where:
+        values = dict(RIG)
+        for parameter in effect.parameters:
+            key = effect.key(where, parameter.name)
+            start = parameter.starts[0]
+            values[key] = 0.5 * start if values.get(key) == start else start
+        a, b = Drive(RIG).simulate(T, 1.5 * U), Drive(values).simulate(T, 1.5 * U)
+        assert not (np.array_equal(a.v1, b.v1) and np.array_equal(a.v2, b.v2))
+
+
+def test_parameters_have_one_place_each():
+    places = [slot.index for slot in LAYOUT.values()]
+    assert sorted(places) == list(range(2, 2 + len(places)))
+    assert len(vector({})) == 2 + len(places)
