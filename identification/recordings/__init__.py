@@ -1,0 +1,9 @@
+"""Recordings of the rig: reading, checking, recognising what drove them and finding their faults."""
+
+from identification.recordings.errors import RecordingError
+from identification.recordings.faults import find_faults
+from identification.recordings.reader import read_recordings
+from identification.recordings.recognise import recognise_excitation
+from identification.recordings.writer import write_recording
+
+__all__ = ["RecordingError", "find_faults", "read_recordings", "recognise_excitation", "write_recording"]

@@ -1,0 +1,31 @@
+"""The one error of this package, and the one form its messages take."""
+
+from __future__ import annotations
+
+
+class RecordingError(ValueError):
+    """A file that cannot be read as a recording of the drive, with the reason and a remedy."""
+
+
+def broken(source: str, what: str, rule: str, got: str, remedy: str) -> RecordingError:
+    """Return the error that says which file and column broke which rule, and what helps.
+
+    Parameters
+    ----------
+    source
+        File or folder the error is about.
+    what
+        The column or part of the file, for example ``column v1`` or ``time``.
+    rule
+        What must hold, for example ``must increase``.
+    got
+        The value that broke the rule.
+    remedy
+        What the user can do about it, as a sentence.
+
+    Returns
+    -------
+    RecordingError
+        Ready to be raised, reading ``source: what: rule; got value. Remedy``.
+    """
+    return RecordingError(f"{source}: {what}: {rule}; got {got}. {remedy}")

@@ -1,0 +1,117 @@
+"""Faults of sensors and logs in a data set: reported and masked, never fitted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexdrive_gym.recording import Fault
+from identification.recordings.dips import CLUSTER
+from identification.recordings.encoder import encoder_faults
+from identification.recordings.recognise import find_limit
+from identification.recordings.timing import spans
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flexdrive_gym.recording import FloatArray, Recording
+    from identification.recordings.motion import Encoder
+
+ENCODERS: tuple[Encoder, ...] = ("encoder_1", "encoder_2")
+
+
+def find_faults(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
+    """Attach the faults found in a data set.
+
+    Parameters
+    ----------
+    recordings
+        Runs of one rig. Faults that they have already are kept.
+
+    Returns
+    -------
+    tuple of Recording
+        The same runs in the same order, with faults ``encoder_dropout`` (frozen, or counts lost for a
+        moment), ``lost_counts`` (the offset that a freeze leaves in a position), ``duplicate_recording``
+        (on the later one) and ``saturation`` (where a closed loop's command rests at its limit;
+        informative, nothing is masked).
+    """
+    faults = [list(recording.faults) for recording in recordings]
+    notes = [list(recording.notes) for recording in recordings]
+    for where in ENCODERS:
+        found, said = encoder_faults(recordings, where)
+        for k in range(len(recordings)):
+            faults[k] += found[k]
+            notes[k] += said[k]
+    for k, recording in enumerate(recordings):
+        faults[k] += _saturation(recording) + _duplicate(recording, recordings[:k])
+    return tuple(
+        replace(
+            recording,
+            faults=merge_faults(faults[k], recording.sample_time),
+            notes=tuple(dict.fromkeys(notes[k])),
+        )
+        for k, recording in enumerate(recordings)
+    )
+
+
+def merge_faults(faults: Sequence[Fault], Ts: float) -> tuple[Fault, ...]:
+    """Merge faults of one kind whose spans touch, and order all by time.
+
+    Parameters
+    ----------
+    faults
+        Faults of one recording.
+    Ts
+        Sampling period [s].
+
+    Returns
+    -------
+    tuple of Fault
+    """
+    merged: list[Fault] = []
+    for fault in sorted(faults, key=lambda f: (f.where, f.id, f.start_s, f.end_s)):
+        last = merged[-1] if merged else fault
+        # counts lost in quick succession are one fault
+        reach = (CLUSTER if fault.id == "encoder_dropout" else 1) + 0.5
+        same = bool(merged) and (last.where, last.id) == (fault.where, fault.id)
+        if same and fault.start_s - last.end_s < reach * Ts:
+            merged[-1] = replace(last, end_s=max(last.end_s, fault.end_s), note=_notes(last.note, fault.note))
+        else:
+            merged.append(fault)
+    return tuple(sorted(merged, key=lambda f: (f.start_s, f.where, f.id)))
+
+
+def _notes(first: str, second: str) -> str:
+    return "; ".join(dict.fromkeys(note for note in (*first.split("; "), *second.split("; ")) if note))
+
+
+def _saturation(recording: Recording) -> list[Fault]:
+    if not recording.closed_loop:
+        return []
+    limit, resting = find_limit(recording.u)
+    if limit is None:
+        return []
+    note = f"command at its limit of {limit:.4g} V"
+    return [
+        Fault(recording.name, "actuator", "saturation", start, end, note) for start, end in spans(recording.t, resting)
+    ]
+
+
+def _same(first: FloatArray | None, second: FloatArray | None) -> bool:
+    if first is None or second is None:
+        return first is second
+    return bool(np.array_equal(first, second))
+
+
+def _duplicate(recording: Recording, earlier: Sequence[Recording]) -> list[Fault]:
+    """Return the fault of a run whose every number is that of an earlier one; noise never repeats itself."""
+    names = ("t", "u", "x1", "x2", "v1", "v2", "xr")
+    for other in earlier:
+        if all(_same(getattr(recording, name), getattr(other, name)) for name in names):
+            start, end = float(recording.t[0]), float(recording.t[-1])
+            note = f"identical to {other.name}"
+            return [Fault(recording.name, "recording", "duplicate_recording", start, end, note)]
+    return []

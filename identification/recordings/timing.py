@@ -1,0 +1,254 @@
+"""From the time stamps of a log to a uniform time base.
+
+Simulation and identification take one sampling period for the whole run, so the stamps are checked and,
+where they are not uniform, the signals are resampled: measurements and reference linearly, the command
+held, because the digital-to-analogue converter holds it. What had to be invented on the way, across gaps
+and missing values, is returned as spans to be masked.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from identification.recordings.errors import broken
+
+if TYPE_CHECKING:
+    from flexdrive_gym.recording import BoolArray, FloatArray
+
+SHORTEST = 0.2  # s: below this not even the spring's first swing (about 3 Hz) is seen
+FEWEST = 50  # samples
+SLOWEST = 0.5  # s per sample: no log of this drive is so slow; stamps in ms labelled s are
+JITTER = 0.05  # of the sampling period, beyond which the samples cannot be called uniform
+GAP = 1.5  # sampling periods between neighbours, beyond which a sample is missing
+LONGEST_GAPS = 0.5  # s in total that may be bridged
+SAME = 1e-9  # s: closer stamps are equal but for floating-point noise
+MOST_MISSING = 0.2  # of a column that may be interpolated
+MOST_REPEATED = 0.05  # of the stamps that may repeat before they are too coarse to be a time base
+
+
+@dataclass(frozen=True)
+class Uniform:
+    """Signals on a uniform time base.
+
+    Attributes
+    ----------
+    t
+        Time [s], ndarray, shape (n,).
+    signals
+        The other signals by name, each ndarray, shape (n,), finite.
+    missing
+        Spans (first, last instant) [s] whose values are interpolated, by signal; ``""`` for all signals.
+    notes
+        What was found and done.
+    """
+
+    t: FloatArray
+    signals: dict[str, FloatArray]
+    missing: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+def make_uniform(t: FloatArray, signals: dict[str, FloatArray], source: str) -> Uniform:
+    """Check the time stamps and put the signals on a uniform time base.
+
+    Parameters
+    ----------
+    t
+        Time stamps [s], ndarray, shape (n,); may hold NaN.
+    signals
+        The other signals, each ndarray, shape (n,); may hold NaN.
+    source
+        File name for messages.
+
+    Returns
+    -------
+    Uniform
+
+    Raises
+    ------
+    RecordingError
+        If the stamps do not increase, look like another unit, leave out more than half a second, or span too
+        little, or a column has too many missing values.
+    """
+    t, signals, notes = _clean_stamps(t, signals, source)
+    Ts = _sample_time(t, source)
+    gaps, gap_notes = _gaps(t, Ts, source)
+    signals, missing = _fill(t, signals, source)
+    step, resample, jitter_notes = _regularity(t, Ts, gaps)
+    notes += [*gap_notes, *jitter_notes]
+    for where in np.flatnonzero(gaps):
+        missing.setdefault("", []).append((float(t[where] + Ts), float(t[where + 1] - Ts)))
+    if resample:
+        t, signals = _resample(t, signals, step)
+    elif jitter_notes:  # rounded stamps: the samples are uniform, only their stamps are not
+        t = t[0] + step * np.arange(t.size)
+    return Uniform(t, signals, missing, tuple(notes))
+
+
+def _clean_stamps(
+    t: FloatArray, signals: dict[str, FloatArray], source: str
+) -> tuple[FloatArray, dict[str, FloatArray], list[str]]:
+    """Drop samples without a stamp and samples whose stamp repeats; refuse stamps that run backwards."""
+    notes = []
+    good = np.isfinite(t)
+    if not good.all():
+        bad = int(np.sum(~good))
+        if bad > MOST_MISSING * t.size:
+            raise broken(
+                source,
+                "time",
+                f"at most {MOST_MISSING:.0%} of the stamps may be missing",
+                f"{bad} of {t.size}",
+                "Export the log again with a time for every sample.",
+            )
+        notes.append(f"{bad} samples without a time stamp dropped")
+        t, signals = t[good], {name: values[good] for name, values in signals.items()}
+    step = np.diff(t)
+    if np.any(step < -SAME):
+        k = int(np.argmax(step < -SAME))
+        raise broken(
+            source,
+            "time",
+            "must increase",
+            f"{t[k + 1]:.6g} s after {t[k]:.6g} s at sample {k + 2}",
+            "Sort the samples by time, or split the file where a new run starts.",
+        )
+    fresh = np.r_[True, step > SAME]
+    repeated = int(np.sum(~fresh))
+    if repeated > MOST_REPEATED * t.size:
+        raise broken(
+            source,
+            "time",
+            "stamps must differ from sample to sample",
+            f"{repeated} of {t.size} repeat",
+            "Export the time with more decimals.",
+        )
+    if repeated:
+        notes.append(f"{repeated} samples with a repeated time stamp dropped")
+        t, signals = t[fresh], {name: values[fresh] for name, values in signals.items()}
+    return t, signals, notes
+
+
+def _sample_time(t: FloatArray, source: str) -> float:
+    """Return the median step, after checking that the stamps look like seconds and are enough."""
+    Ts = float(np.median(np.diff(t))) if t.size > 1 else 0.0
+    if Ts >= SLOWEST:
+        raise broken(
+            source,
+            "time",
+            f"the sampling period must be below {SLOWEST:g} s",
+            f"{Ts:.4g} s",
+            "The stamps look like milliseconds: rename the column t_ms.",
+        )
+    if t.size < FEWEST or t[-1] - t[0] < SHORTEST:
+        span = float(t[-1] - t[0]) if t.size else 0.0
+        unit = " The stamps may be seconds although the name says a smaller unit." if 0 < Ts < 2e-5 else ""
+        raise broken(
+            source,
+            "time",
+            f"a recording must last {SHORTEST:g} s and {FEWEST} samples",
+            f"{span:.4g} s and {t.size} samples",
+            f"Record longer.{unit}",
+        )
+    return Ts
+
+
+def _gaps(t: FloatArray, Ts: float, source: str) -> tuple[BoolArray, list[str]]:
+    """Return which steps jump over missing samples."""
+    step = np.diff(t)
+    gaps = step > GAP * Ts
+    total = float(np.sum(step[gaps] - Ts))
+    where = np.flatnonzero(gaps)
+    listing = ", ".join(f"{step[k]:.4g} s at {t[k]:.4g} s" for k in where[:3])
+    listing += f" and {where.size - 3} more" if where.size > 3 else ""
+    if total > LONGEST_GAPS:
+        raise broken(
+            source,
+            "time",
+            f"gaps may add up to {LONGEST_GAPS:g} s",
+            f"{total:.3g} s ({listing})",
+            "Record again without losing samples, or split the file at the gaps.",
+        )
+    return gaps, [f"gaps in time, bridged and masked: {listing}"] if where.size else []
+
+
+def _regularity(t: FloatArray, Ts: float, gaps: BoolArray) -> tuple[float, bool, list[str]]:
+    """Return the grid step, whether the signals must be resampled onto it, and a note."""
+    step = np.diff(t)[~gaps]
+    jitter = float(np.max(np.abs(step - Ts))) / Ts
+    if jitter <= JITTER:
+        return Ts, bool(gaps.any()), []
+    mean = float(np.mean(step))
+    if not gaps.any():
+        slope, start = np.polyfit(np.arange(t.size), t, 1)
+        off = float(np.max(np.abs(t - start - slope * np.arange(t.size))))
+        # rounding moves a stamp by half of its last decimal, a sample taken early or late by any amount
+        if off <= 0.55 * _resolution(t):
+            note = f"time stamps rounded to {_resolution(t):g} s, uniform at {slope:.6g} s"
+            return float(slope), False, [note]
+    note = f"jitter of up to {jitter:.0%} of the sampling period, resampled to {mean:.6g} s"
+    return mean, True, [note]
+
+
+def _resolution(t: FloatArray) -> float:
+    """Return the decimal that the stamps are rounded to [s], or 0 where they are not rounded."""
+    for decimal in (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6):
+        scaled = t / decimal
+        if np.max(np.abs(scaled - np.round(scaled))) < 1e-4:
+            return decimal
+    return 0.0
+
+
+def spans(t: FloatArray, bad: BoolArray) -> list[tuple[float, float]]:
+    """Return the first and last instant [s] of every run of true samples.
+
+    Parameters
+    ----------
+    t, bad
+        Time [s] and flags, ndarray, shape (n,).
+    """
+    edges = np.diff(np.r_[False, bad, False].astype(np.int8))
+    first, last = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
+    return [(float(t[a]), float(t[b])) for a, b in zip(first, last, strict=True)]
+
+
+def _fill(
+    t: FloatArray, signals: dict[str, FloatArray], source: str
+) -> tuple[dict[str, FloatArray], dict[str, list[tuple[float, float]]]]:
+    """Interpolate missing values and say where."""
+    filled: dict[str, FloatArray] = {}
+    missing: dict[str, list[tuple[float, float]]] = {}
+    for name, values in signals.items():
+        good = np.isfinite(values)
+        if good.all():
+            filled[name] = values
+            continue
+        share = 1.0 - float(np.mean(good))
+        if share > MOST_MISSING:
+            raise broken(
+                source,
+                f"column {name}",
+                f"at most {MOST_MISSING:.0%} of the values may be missing",
+                f"{share:.0%}",
+                "Export the log again, or remove the column.",
+            )
+        missing[name] = spans(t, ~good)
+        filled[name] = _held(t[good], values[good], t) if name == "u" else np.interp(t, t[good], values[good])
+    return filled, missing
+
+
+def _held(t: FloatArray, values: FloatArray, grid: FloatArray) -> FloatArray:
+    """Return the latest value at each instant of the grid (zero-order hold)."""
+    latest = np.searchsorted(t, grid + 1e-9, side="right") - 1
+    return values[np.clip(latest, 0, values.size - 1)]
+
+
+def _resample(t: FloatArray, signals: dict[str, FloatArray], step: float) -> tuple[FloatArray, dict[str, FloatArray]]:
+    grid = t[0] + step * np.arange(int(np.floor((t[-1] - t[0]) / step + 1e-6)) + 1)
+    resampled = {
+        name: _held(t, values, grid) if name == "u" else np.interp(grid, t, values) for name, values in signals.items()
+    }
+    return grid, resampled

@@ -1,0 +1,1 @@
+"""Tests of reading, checking and recognising recordings and of finding their faults."""

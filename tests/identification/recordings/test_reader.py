@@ -1,0 +1,228 @@
+import gzip
+
+import numpy as np
+import pytest
+import scipy.io
+
+from identification.recordings import RecordingError, read_recordings
+from tests.identification.recordings.logs import (
+    COUNT,
+    TS,
+    closed_loop,
+    csv_text,
+    open_loop,
+    position_log,
+    speed,
+    time,
+    trajectory,
+    velocity_log,
+    write_csv,
+)
+
+
+def read_one(path):
+    (run,) = read_recordings(path)
+    return run
+
+
+def test_an_open_loop_log_of_the_rig(tmp_path):
+    run = read_one(write_csv(tmp_path / "monday.csv", velocity_log()))
+    assert (run.name, run.source, run.notes, run.faults) == ("monday", "monday.csv", (), ())
+    assert run.quantum == pytest.approx((COUNT, COUNT), rel=1e-5)
+    assert run.velocity_cutoff == 0.0
+    assert str(run.excitation) == "square ±2 V, 0.5 Hz"
+    assert run.sample_time == pytest.approx(TS)
+    assert run.x1 is run.x2 is run.xr is None
+
+
+def test_a_closed_loop_log_of_the_rig_is_not_differentiated(tmp_path):
+    run = read_one(write_csv(tmp_path / "loop.csv", position_log()))
+    assert run.closed_loop
+    assert run.excitation.feedback == "x2"
+    assert run.excitation.gain == pytest.approx(0.05, rel=1e-3)
+    assert run.v1 is run.v2 is None
+    assert run.quantum == pytest.approx((COUNT, COUNT), rel=1e-4)
+
+
+def test_units_are_converted(tmp_path):
+    t, u, x1, x2 = open_loop()
+    log = {"Time (ms)": 1e3 * t, "u [mV]": 1e3 * u, "x1 (m)": 1e-3 * x1, "v2_m_s": 1e-3 * speed(x2)}
+    run = read_one(write_csv(tmp_path / "a.csv", log))
+    for found, wanted in ((run.t, t), (run.u, u), (run.x1, x1), (run.v2, speed(x2))):
+        np.testing.assert_allclose(found, wanted, rtol=1e-6, atol=1e-4)
+    assert run.quantum == pytest.approx((COUNT, COUNT), rel=1e-3)
+
+
+def test_filtered_velocity_beside_its_position(tmp_path):
+    t, u, x1, _ = open_loop()
+    a, v = np.exp(-2.0 * np.pi * 15.0 * TS), np.zeros(t.size)
+    for n, d in enumerate(speed(x1)[1:], start=1):
+        v[n] = a * v[n - 1] + (1.0 - a) * d
+    log = {"t": t, "u": u, "x1": x1, "v1": v}
+    assert read_one(write_csv(tmp_path / "a.csv", log)).velocity_cutoff == pytest.approx(15.0, rel=1e-2)
+    alone = write_csv(tmp_path / "b.csv", {"t": t, "u": u, "v1": v})
+    assert read_one(alone).velocity_cutoff is None
+
+
+def test_a_still_cart_borrows_the_count_of_the_other_runs(tmp_path):
+    log = velocity_log()
+    write_csv(tmp_path / "a.csv", log)
+    write_csv(tmp_path / "b.csv", velocity_log("sine", 0.45, 20.0) | {"v2_mm_s": 0.0 * log["t_s"]})
+    assert read_recordings(tmp_path)[1].quantum[1] == pytest.approx(COUNT, rel=1e-5)
+    assert read_one(tmp_path / "b.csv").quantum[1] == 0.0
+
+
+def test_matlab_and_csv_give_the_same_run(tmp_path):
+    log = velocity_log()
+    names = {"t": log["t_s"], "u": log["u_V"], "v1": log["v1_mm_s"], "v2": log["v2_mm_s"]}
+    scipy.io.savemat(tmp_path / "a.mat", names)
+    matlab, csv = read_one(tmp_path / "a.mat"), read_one(write_csv(tmp_path / "a.csv", log))
+    assert str(matlab.excitation) == str(csv.excitation)
+    np.testing.assert_allclose(matlab.v1, csv.v1, atol=1e-4)
+
+
+class TestFolders:
+    def test_recursive_sorted_unique_and_without_other_files(self, tmp_path):
+        text = csv_text(velocity_log())
+        other = csv_text(velocity_log("sine", 2.5, 2.0))
+        for folder in ("day2", "day1", ".cache"):
+            (tmp_path / folder).mkdir()
+            (tmp_path / folder / "run.csv").write_text(text if folder == "day1" else other)
+        (tmp_path / "day1" / "slow.csv.gz").write_bytes(gzip.compress(other.encode()))
+        (tmp_path / "README.md").write_text("# lab")
+        runs = read_recordings(tmp_path)
+        assert [run.name for run in runs] == ["day1_run", "slow", "day2_run"]
+        assert [run.source for run in runs] == ["day1/run.csv", "day1/slow.csv.gz", "day2/run.csv"]
+
+    def test_the_same_stem_in_two_formats(self, tmp_path):
+        log = velocity_log()
+        write_csv(tmp_path / "run.csv", log)
+        scipy.io.savemat(tmp_path / "run.mat", {"t": log["t_s"], "u": log["u_V"], "v1": log["v1_mm_s"]})
+        assert [run.name for run in read_recordings(tmp_path)] == ["run_csv", "run_mat"]
+
+    def test_files_and_folders_together_and_each_file_once(self, tmp_path):
+        write_csv(tmp_path / "a.csv", velocity_log())
+        write_csv(tmp_path / "b.csv", velocity_log("sine", 2.5, 2.0))
+        runs = read_recordings([tmp_path / "b.csv", tmp_path, str(tmp_path / "a.csv")])
+        assert sorted(run.name for run in runs) == ["a", "b"]
+
+    def test_a_copied_file_is_a_duplicate(self, tmp_path):
+        write_csv(tmp_path / "a.csv", velocity_log())
+        write_csv(tmp_path / "b.csv", velocity_log())
+        assert [fault.id for fault in read_recordings(tmp_path)[1].faults] == ["duplicate_recording"]
+
+    def test_a_trajectory_is_left_out_of_a_folder_and_refused_by_name(self, tmp_path):
+        write_csv(tmp_path / "a.csv", velocity_log())
+        reference = write_csv(tmp_path / "trajectory.csv", {"t_s": time(2.0), "xr_mm": trajectory(time(2.0))})
+        skipped = []
+        runs = read_recordings(tmp_path, on_skip=lambda path, why: skipped.append((path.name, why)))
+        assert [run.name for run in runs] == ["a"]
+        assert skipped[0][0] == "trajectory.csv"
+        assert "reference trajectory" in skipped[0][1]
+        assert len(read_recordings(tmp_path)) == 1
+        with pytest.raises(RecordingError, match=r"trajectory.csv: .* reference trajectory, not a recording"):
+            read_recordings(reference)
+
+    def test_one_bad_file_stops_a_folder_by_name_unless_skipped(self, tmp_path):
+        (tmp_path / "day1").mkdir()
+        write_csv(tmp_path / "a.csv", velocity_log())
+        (tmp_path / "day1" / "broken.csv").write_text("t,u,v1\n0,oops,1\n")
+        with pytest.raises(RecordingError, match=r"^day1/broken.csv: column u: must hold numbers; got 'oops'"):
+            read_recordings(tmp_path)
+        skipped = []
+        assert len(read_recordings(tmp_path, on_skip=lambda path, why: skipped.append(why))) == 1
+        assert skipped[0].startswith("day1/broken.csv: column u")
+
+    def test_a_folder_without_logs(self, tmp_path):
+        (tmp_path / "log.xlsx").write_text("")
+        with pytest.raises(RecordingError, match=r"folder: must contain .csv, .*; got log.xlsx. Export"):
+            read_recordings(tmp_path)
+
+    def test_an_empty_folder(self, tmp_path):
+        with pytest.raises(RecordingError, match="got nothing"):
+            read_recordings(tmp_path)
+
+    def test_a_folder_of_trajectories_only(self, tmp_path):
+        write_csv(tmp_path / "trajectory.csv", {"t_s": time(2.0), "xr_mm": trajectory(time(2.0))})
+        with pytest.raises(RecordingError, match="at least one must be a recording; got none in trajectory.csv"):
+            read_recordings(tmp_path)
+
+    def test_a_missing_path_suggests_its_neighbour(self, tmp_path):
+        write_csv(tmp_path / "square.csv", velocity_log())
+        with pytest.raises(RecordingError, match=r"must exist; got no such .* Did you mean square.csv\?"):
+            read_recordings(tmp_path / "sqare.csv")
+        with pytest.raises(RecordingError, match="Check the spelling"):
+            read_recordings(tmp_path / "nowhere" / "square.csv")
+
+    def test_no_paths(self):
+        with pytest.raises(RecordingError, match="at least one file or folder is needed"):
+            read_recordings([])
+
+    def test_unknown_extension_by_name(self, tmp_path):
+        (tmp_path / "a.cvs").write_text("t,u,v1\n")
+        with pytest.raises(RecordingError, match=r"a.cvs: extension: .* Did you mean .csv"):
+            read_recordings(tmp_path / "a.cvs")
+
+
+class TestImperfectLogs:
+    def test_missing_values_are_faults_of_their_encoder_or_the_run(self, tmp_path):
+        log = {name: values.copy() for name, values in velocity_log().items()}
+        log["v1_mm_s"][2400:2403], log["u_V"][500] = np.nan, np.nan
+        run = read_one(write_csv(tmp_path / "a.csv", log))
+        assert [(f.where, f.id, f.start_s, f.end_s) for f in run.faults] == [
+            ("recording", "missing_samples", 0.5, 0.5),
+            ("encoder_1", "missing_samples", 2.4, 2.402),
+        ]
+        assert run.quantum == pytest.approx((COUNT, COUNT), rel=1e-5)
+        assert np.flatnonzero(~run.valid("v1")).tolist() == [500, 2400, 2401, 2402]
+        assert run.excitation.kind == "square"
+
+    def test_a_gap_is_masked_in_all_channels(self, tmp_path):
+        keep = np.r_[0:1200, 1210:4001]
+        log = {name: values[keep] for name, values in velocity_log().items()}
+        run = read_one(write_csv(tmp_path / "a.csv", log))
+        assert "gaps in time" in run.notes[0]
+        assert np.flatnonzero(~run.valid("v2")).tolist() == list(range(1200, 1210))
+        assert run.n == 4001
+
+    def test_jitter_keeps_the_count_of_the_raw_log(self, tmp_path):
+        t, u, xr, x1, x2 = closed_loop()
+        stamps = t + 0.1e-3 * np.sin(37.0 * np.arange(t.size))
+        run = read_one(write_csv(tmp_path / "a.csv", {"t": stamps, "u": u, "xr": xr, "x1": x1, "x2": x2}))
+        assert "jitter" in run.notes[0]
+        assert run.quantum == pytest.approx((COUNT, COUNT), rel=1e-3)
+        assert np.ptp(np.diff(run.t)) < 1e-9
+
+    def test_ignored_columns_are_noted(self, tmp_path):
+        log = velocity_log()
+        run = read_one(write_csv(tmp_path / "a.csv", log | {"flag": np.ones(log["t_s"].size)}))
+        assert run.notes == ("columns ignored: flag",)
+
+    def test_a_constant_command_and_a_drive_at_rest_are_noted(self, tmp_path):
+        t = time(1.0)
+        log = {"t": t, "u": np.full(t.size, 0.2), "v1": 0.0 * t}
+        run = read_one(write_csv(tmp_path / "a.csv", log))
+        assert run.notes == ("u is constant at 0.2 V", "nothing moves")
+
+    @pytest.mark.parametrize(
+        ("change", "match"),
+        [
+            ({"u_V": 0.0}, "a.csv: column u: the drive must be excited; got u is constant"),
+            ({"t_s": 1e3}, "a.csv: time: the sampling period must be below 0.5 s; got 1 s"),
+            ({"v1_mm_s": 1e-3, "v2_mm_s": 1e-3}, "a.csv: column v1: a cart that moves"),
+        ],
+    )
+    def test_what_cannot_be_a_recording_is_refused(self, tmp_path, change, match):
+        log = {name: values * change.get(name, 1.0) for name, values in velocity_log().items()}
+        with pytest.raises(RecordingError, match=match):
+            read_recordings(write_csv(tmp_path / "a.csv", log))
+
+    def test_columns_of_different_length(self, tmp_path):
+        scipy.io.savemat(tmp_path / "a.mat", {"t": time(1.0), "u": np.ones(1001), "v1": np.ones(900)})
+        with pytest.raises(RecordingError, match="column v1: must have as many values as time; got 900 values"):
+            read_recordings(tmp_path / "a.mat")
+
+    def test_only_a_recording_error_is_raised_and_it_is_a_value_error(self, tmp_path):
+        (tmp_path / "a.csv").write_bytes(bytes(range(256)) * 4)
+        with pytest.raises(ValueError, match="a.csv"):
+            read_recordings(tmp_path / "a.csv")
