@@ -1,0 +1,23 @@
+"""Figures of the handout's report (3.5); each function takes data and returns a matplotlib Figure."""
+
+from identification.plots.bode import plot_bode, plot_pole_zero
+from identification.plots.runs import caption_of_sines, plot_recording, plot_sines, plot_validation
+from identification.plots.steps import (
+    plot_damped_frequency,
+    plot_steady_state,
+    plot_time_constant,
+    plot_zeta_iteration,
+)
+
+__all__ = [
+    "caption_of_sines",
+    "plot_bode",
+    "plot_damped_frequency",
+    "plot_pole_zero",
+    "plot_recording",
+    "plot_sines",
+    "plot_steady_state",
+    "plot_time_constant",
+    "plot_validation",
+    "plot_zeta_iteration",
+]
