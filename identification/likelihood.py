@@ -1,0 +1,367 @@
+r"""Maximum likelihood: output error on v1 and v2 of all recordings jointly.
+
+Residuals of recording r and cart c are Gaussian with variance :math:`\sigma_{rc}^2 = f_{rc}^2 + \kappa^2`. The floor
+:math:`f_{rc}` is what does not repeat between the periods of that very channel (:mod:`identification.floor`); the model
+error :math:`\kappa` is common to all channels and estimated with the parameters. The negative log-likelihood
+
+.. math:: \tfrac12 \sum_{r,c} n_{rc} \left(\log \sigma_{rc}^2 + \overline{\varepsilon_{rc}^2(\theta)} / \sigma_{rc}^2\right)
+
+is minimised by least squares weighted with the previous round's variances (L. Ljung, System Identification, 1999, sec.
+7.4). Variances free in every channel would reward a wrong model for fitting a few quiet channels to the last bit and
+giving up the others. Masses and stiffness are fitted as logarithms, friction within bounds.
+
+Residuals of a real rig are coloured: neighbouring samples err alike, so the nominal N overstates what was learnt.
+The covariance is the sandwich :math:`H^{-1} S H^{-1}`, with :math:`H = \sum J^T J` and :math:`S` the sum of outer
+products of scores summed over one-second blocks; the *effective sample size* is N times the ratio of nominal to
+sandwich variance, averaged over the parameters' directions. K.-Y. Liang, S. Zeger, Biometrika 73, 1986.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import t as student
+
+from flexdrive_gym import Covariance, Drive, Provenance, __version__
+from flexdrive_gym.recording import FloatArray, Recording
+from identification.equation_error import start_values
+from identification.output_error import Run, block_residuals, prepare, residuals
+from identification.quantities import Quantity, derived_quantities
+
+HANDOUT_RATIOS = {"alpha": 0.54, "beta": 0.1, "gamma": 0.1}
+RATIOS = {"alpha": ("m2", "m1"), "beta": ("b2", "b1"), "gamma": ("d2", "d1")}
+_LOGARITHMIC = frozenset({"m1", "m2", "k"})
+_ROUNDS = 3
+_COARSE = 8
+_BLOCK_S = 1.0
+_STOPPED = "the optimiser stopped before its tolerance was met"
+
+
+@dataclass(frozen=True)
+class Channel:
+    """Fit of one cart in one recording: rms residual [mm/s] over n valid samples."""
+
+    recording: str
+    cart: int
+    rms: float
+    n: int
+
+
+@dataclass(frozen=True, eq=False)
+class MaximumLikelihood:
+    """A fitted drive and what is known about the fit.
+
+    Attributes
+    ----------
+    drive
+        With intervals, covariance and provenance.
+    quantities
+        The handout's 14 quantities and d1, with intervals.
+    ratios
+        alpha, beta, gamma with intervals; tied ones have none.
+    channels
+        Residual per recording and cart.
+    rms
+        Root mean square residual over all recordings and carts [mm/s].
+    effective_samples, samples
+        What the coloured residuals are worth, and how many there are.
+    starts
+        Start name to the negative log-likelihood it led to.
+    converged
+        Whether the optimiser met its tolerance.
+    notes
+        Sentences a reader should see, for example parameters at a bound.
+    """
+
+    drive: Drive
+    quantities: Mapping[str, Quantity]
+    ratios: Mapping[str, Quantity]
+    channels: tuple[Channel, ...]
+    rms: float
+    samples: int
+    effective_samples: float
+    starts: Mapping[str, float]
+    converged: bool
+    notes: tuple[str, ...] = field(default=())
+
+    def __str__(self) -> str:
+        lines = [f"maximum likelihood fit of {len({c.recording for c in self.channels})} recordings"]
+        lines += [f"  {name:8s} {q}" for name, q in {**self.quantities, **self.ratios}.items()]
+        lines.append(
+            f"  rms residual {self.rms:.3g} mm/s over {self.samples} samples, worth {self.effective_samples:.0f} "
+            "independent ones"
+        )
+        return "\n".join([*lines, *(f"  note: {note}" for note in self.notes)])
+
+
+class _Fit:
+    """Weighted least squares in scaled coordinates: masses and stiffness as logarithms, friction relative to its start."""
+
+    def __init__(
+        self,
+        runs: Sequence[Run],
+        names: Sequence[str],
+        ties: Mapping[str, float],
+        fixed: Mapping[str, float],
+        pool: ThreadPoolExecutor,
+    ) -> None:
+        self.runs, self.names, self.ties, self.fixed, self.pool = runs, tuple(names), ties, fixed, pool
+        self.log = np.array([name in _LOGARITHMIC for name in names])
+        self.scale = np.ones(len(names))
+        self.weights: list[float] = []
+
+    def values(self, z: FloatArray) -> dict[str, float]:
+        theta = np.where(self.log, np.exp(np.where(self.log, z, 0.0)), z * self.scale)
+        values = {**self.fixed, **{name: float(x) for name, x in zip(self.names, theta, strict=True)}}
+        for ratio, factor in self.ties.items():
+            dependent, free = RATIOS[ratio]
+            values[dependent] = factor * values[free]
+        return values
+
+    def coordinates(self, values: Mapping[str, float]) -> FloatArray:
+        theta = np.array([values[name] for name in self.names])
+        return np.where(self.log, np.log(np.maximum(theta, 1e-9)), theta / self.scale)
+
+    def residuals(self, z: FloatArray, *, parallel: bool = True) -> FloatArray:
+        parts = block_residuals(self.values(z), self.runs, self.pool if parallel else None)
+        return np.concatenate([r * w for r, w in zip(parts, self.weights, strict=True)])
+
+    def jacobian(self, z: FloatArray) -> FloatArray:
+        # a step far above round-off: stick-slip makes the residuals smooth only piece by piece
+        step = 1e-3
+
+        def column(i: int) -> FloatArray:
+            up = z.copy()
+            up[i] += step
+            return (self.residuals(up, parallel=False) - here) / step
+
+        here = self.residuals(z)
+        return np.column_stack(list(self.pool.map(column, range(len(z)))))
+
+    def reweight(self, z: FloatArray) -> float:
+        """Set the weights from the residuals at z; return the negative log-likelihood there."""
+        parts = block_residuals(self.values(z), self.runs, self.pool)
+        n = np.array([len(r) for r in parts])
+        own = np.array([float(r @ r) / max(len(r), 1) for r in parts])
+        floor = np.array([f for run in self.runs for f in run.floor])
+        error = max(float((own - floor) @ n / n.sum()), 0.01 * float(own @ n / n.sum()))
+        variances = floor + error
+        self.weights = [float(w) for w in 1.0 / np.sqrt(variances)]
+        return float(0.5 * np.sum(n * (np.log(variances) + own / variances)))
+
+    def descend(
+        self, values: Mapping[str, float], rounds: int, evaluations: int
+    ) -> tuple[FloatArray, float, bool, dict[str, float]]:
+        self.scale = np.array([max(values[n], 0.05 * _typical(n, values)) for n in self.names])
+        low = np.where(self.log, -np.inf, 0.0)
+        z = np.maximum(self.coordinates(values), low + 1e-9)
+        cost, done = self.reweight(z), False
+        for _ in range(rounds):
+            found = least_squares(
+                self.residuals, z, self.jacobian, (low, np.inf), ftol=1e-5, xtol=1e-5, max_nfev=evaluations
+            )
+            z, previous = np.maximum(found.x, low + 1e-9), cost
+            cost, done = self.reweight(z), found.status > 0
+            if abs(previous - cost) < 1e-5 * abs(cost):
+                break
+        return z, cost, done, self.values(z)
+
+
+def _typical(name: str, values: Mapping[str, float]) -> float:
+    """Size against which a friction of zero is small."""
+    same = [v for n, v in values.items() if n[0] == name[0]]
+    return max([*same, 1e-6])
+
+
+def identify_by_likelihood(
+    recordings: Sequence[Recording],
+    *,
+    ties: Mapping[str, float] | None = None,
+    fixed: Mapping[str, float] | None = None,
+    start: Mapping[str, float] | None = None,
+    damping: bool = False,
+    threads: int | None = None,
+) -> MaximumLikelihood:
+    """Fit the drive to all recordings at once.
+
+    Parameters
+    ----------
+    recordings
+        Of one drive; open-loop ones are used, closed-loop ones only if there is nothing else.
+    ties
+        Any of ``alpha`` (m2/m1), ``beta`` (b2/b1), ``gamma`` (d2/d1) held at a value; none by default.
+    fixed
+        Parameters to hold, for example ``{"saturation.limit": 8.0}``; they become part of the drive.
+    start
+        One more start besides those found from the data.
+    damping
+        Whether to fit the spring's damping C too (the handout assumes 0).
+    threads
+        Threads for the simulations; default: the processors this process may use. The answer does not depend on it.
+
+    Returns
+    -------
+    MaximumLikelihood
+
+    Raises
+    ------
+    ValueError
+        If no recording can be used, or a tie is unknown; the message says what to record or to pass.
+    """
+    ties, fixed = dict(ties or {}), dict(fixed or {})
+    for name in ties:
+        if name not in RATIOS:
+            raise ValueError(f"ties: must be among {', '.join(RATIOS)}; got {name!r}.")
+    used, notes = usable(recordings)
+    runs = [prepare(r) for r in used]
+    carts = min(len(run.measured) for run in runs)
+    names = ["m1", "b1", "d1"] + (["m2", "b2", "d2", "k"] if carts == 2 else []) + (["C"] if damping else [])
+    tied = {RATIOS[r][0] for r in ties}
+    names = [n for n in names if n not in tied and n not in fixed]
+    begin = {"C": 1e-5, **_positive(start_values(used)), **fixed}
+    with ThreadPoolExecutor(threads or len(os.sched_getaffinity(0))) as pool:
+        # a few recordings tell which start leads to the best valley; all of them then find its bottom
+        some = runs[:: max(1, round(len(runs) / _COARSE))]
+        coarse = _Fit(some, names, ties, fixed, pool)
+        found = {label: coarse.descend(values, 1, 8) for label, values in _starts(begin, start).items()}
+        best = min(found, key=lambda label: found[label][1])
+        fit = _Fit(runs, names, ties, fixed, pool)
+        z, cost, done, _values = fit.descend(found[best][3], _ROUNDS, 30)
+        costs = {label: float(item[1]) for label, item in found.items()} | {f"{best}, refined": float(cost)}
+        return _result(fit, z, used, costs, notes if done else [*notes, _STOPPED])
+
+
+def _starts(begin: Mapping[str, float], given: Mapping[str, float] | None) -> dict[str, dict[str, float]]:
+    starts = {"equation error": dict(begin)}
+    if given is not None:
+        starts["given"] = {**begin, **_positive(given)}
+    if "k" in begin:
+        # the split of mass and friction between the carts is what the equations of motion know worst
+        starts["heavier cart 2"] = {**begin, "m2": 1.5 * begin["m2"], "k": 1.3 * begin["k"]}
+        starts["handout ratios"] = {
+            **begin,
+            "m2": 0.54 * begin["m1"],
+            "b2": 0.1 * begin["b1"],
+            "d2": 0.1 * begin["d1"],
+            "k": 1.2 * begin["k"],
+        }
+    return starts
+
+
+def _positive(values: Mapping[str, float]) -> dict[str, float]:
+    masses = [v for n, v in values.items() if n in {"m1", "m2"} and v > 0.0] or [1e-3]
+    small = {"m": 0.2 * max(masses), "k": 0.05, "b": 0.0, "d": 0.0, "C": 0.0}
+    return {n: v if v > 0.0 else small.get(n[0], 0.0) for n, v in values.items()}
+
+
+def usable(recordings: Sequence[Recording]) -> tuple[list[Recording], list[str]]:
+    """Return the recordings a fit can use, and a sentence for each kind left out.
+
+    Raises
+    ------
+    ValueError
+        If nothing is left.
+    """
+    good = [r for r in recordings if not any(f.id == "duplicate_recording" for f in r.faults)]
+    open_loop = [r for r in good if not r.closed_loop]
+    notes = []
+    if len(good) < len(recordings):
+        notes.append(f"{len(recordings) - len(good)} duplicate recordings left out")
+    if open_loop:
+        if len(open_loop) < len(good):
+            notes.append(f"{len(good) - len(open_loop)} closed-loop recordings kept for validation")
+        return open_loop, notes
+    if not good:
+        raise ValueError(
+            "recordings: needs at least one run of the drive; got none. Record squares and sines (2.5, 2.6)."
+        )
+    notes.append("only closed-loop recordings: their recorded command is replayed, which drifts with friction")
+    return good, notes
+
+
+def _covariance(fit: _Fit, z: FloatArray) -> tuple[FloatArray, float, int]:
+    """Sandwich covariance of z, effective sample size, and number of one-second blocks."""
+    J, r = fit.jacobian(z), fit.residuals(z)
+    scores = J * r[:, None]
+    sums: list[FloatArray] = []
+    begin = 0
+    for run in fit.runs:
+        seconds = [(run.block_times(c) / _BLOCK_S).astype(int) for c in range(len(run.keep))]
+        size = 1 + max(int(s.max(initial=0)) for s in seconds)
+        total = np.zeros((size, len(z)))
+        for s in seconds:
+            # both carts of one second belong together: they share the disturbance
+            np.add.at(total, s, scores[begin : begin + len(s)])
+            begin += len(s)
+        sums.append(total)
+    s = np.vstack(sums)
+    blocks, n = len(s), len(z)
+    # a parameter without influence makes the information singular; the pseudo-inverse gives it no variance here and
+    # the caller reports it as resting at its bound
+    inverse = np.linalg.pinv(J.T @ J, rcond=1e-12, hermitian=True)
+    sandwich = inverse @ (s.T @ s) @ inverse * (blocks / max(blocks - n, 1))
+    ratio = np.diag(inverse) / np.maximum(np.diag(sandwich), 1e-300)
+    samples = sum(int(k.sum()) for run in fit.runs for k in run.keep)
+    return sandwich, float(samples * np.exp(np.mean(np.log(np.maximum(ratio, 1e-12))))), blocks
+
+
+def _result(
+    fit: _Fit, z: FloatArray, used: Sequence[Recording], costs: Mapping[str, float], notes: Sequence[str]
+) -> MaximumLikelihood:
+    values = fit.values(z)
+    channels = channel_fits(values, fit.runs, fit.pool)
+    n = sum(c.n for c in channels)
+    rms = float(np.sqrt(sum(c.n * c.rms**2 for c in channels if c.n) / n))
+    covariance_z, effective, blocks = _covariance(fit, z)
+    gain = np.where(fit.log, np.exp(np.where(fit.log, z, 0.0)), fit.scale)
+    covariance = covariance_z * np.outer(gain, gain)
+    quantile = float(student.ppf(0.975, max(blocks - len(z), 1)))
+    spread = quantile * np.sqrt(np.diag(covariance))
+    intervals = {
+        # masses and stiffness were fitted as logarithms, so their intervals are ratios
+        name: (float(v * np.exp(-s / v)), float(v * np.exp(s / v)))
+        if name in _LOGARITHMIC
+        else (max(0.0, float(v - s)), float(v + s))
+        for name, v, s in zip(fit.names, (values[n] for n in fit.names), spread, strict=True)
+    }
+    remarks = list(notes)
+    remarks += [f"{n} rests at its bound 0" for n in fit.names if n not in _LOGARITHMIC and values[n] < 1e-8]
+    drive = Drive(
+        values,
+        intervals,
+        Covariance(fit.names, covariance),
+        Provenance("ml", tuple(r.name for r in used), __version__, "; ".join(remarks)),
+        name="identified drive",
+    )
+    quantities, ratios = derived_quantities(drive, fit.ties, quantile)
+    done = _STOPPED not in remarks
+    return MaximumLikelihood(
+        drive, quantities, ratios, tuple(channels), rms, n, effective, dict(costs), done, tuple(remarks)
+    )
+
+
+def channel_fits(
+    values: Mapping[str, float], runs: Sequence[Run], pool: ThreadPoolExecutor | None = None
+) -> list[Channel]:
+    """Return the rms residual of every run and cart over its valid samples."""
+    parts = residuals(values, runs, pool)
+    keys = [(run, c) for run in runs for c in range(len(run.keep))]
+    return [
+        Channel(
+            run.name,
+            c + 1,
+            float(np.sqrt(np.mean(r[run.keep[c]] ** 2))) if run.keep[c].any() else float("nan"),
+            int(run.keep[c].sum()),
+        )
+        for (run, c), r in zip(keys, parts, strict=True)
+    ]
+
+
+def improvement(before: MaximumLikelihood, after: MaximumLikelihood) -> float:
+    """Return by which share the squared error fell, 0…1 (negative if it rose)."""
+    return 1.0 - (after.rms / before.rms) ** 2

@@ -1,0 +1,119 @@
+"""One door to both methods: the handout's readings and maximum likelihood."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from flexdrive_gym import Drive, Recording
+from identification.likelihood import MaximumLikelihood, identify_by_likelihood
+from identification.quantities import Quantity
+from identification.recordings import read_recordings
+from identification.step_response import HandoutResult, identify_by_handout
+
+METHODS = ("handout", "ml")
+Method = Literal["handout", "ml"]
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """An identified drive and how it was found.
+
+    Attributes
+    ----------
+    drive
+        Ready for simulation, environment and controllers; carries the rig's encoder counts and command limit.
+    quantities
+        The handout's quantities of 3.5.
+    method
+        ``handout`` or ``ml``.
+    result
+        The method's own result with all its readings.
+    """
+
+    drive: Drive
+    quantities: Mapping[str, Quantity]
+    method: Method
+    result: HandoutResult | MaximumLikelihood
+
+    def __str__(self) -> str:
+        return str(self.result)
+
+
+def rig_parameters(recordings: Sequence[Recording]) -> dict[str, float]:
+    """Return what recordings tell of sensors and amplifier: encoder counts, velocity filter, command limit."""
+    found: dict[str, float] = {}
+    for i in (0, 1):
+        quanta = [r.quantum[i] for r in recordings if r.quantum[i] > 0.0]
+        if quanta:
+            found[f"encoder_quantisation.encoder_{i + 1}.quantum"] = min(quanta)
+        cutoffs = [r.velocity_cutoff for r in recordings if r.velocity_cutoff]
+        if cutoffs:
+            found[f"velocity_processing.encoder_{i + 1}.cutoff"] = min(cutoffs)
+    limits = [r.excitation.limit for r in recordings if r.excitation.limit is not None]
+    if limits:
+        found["saturation.limit"] = max(limits)
+    return found
+
+
+def identify(
+    recordings: str | Path | Sequence[str | Path] | Sequence[Recording],
+    method: Method = "ml",
+    *,
+    ties: Mapping[str, float] | None = None,
+    p: float | None = None,
+    damping: bool = False,
+    threads: int | None = None,
+) -> Identification:
+    """Identify a drive.
+
+    Parameters
+    ----------
+    recordings
+        Folder, files, or recordings already read.
+    method
+        ``handout`` reads the quantities off the step responses (3.2); ``ml`` fits all open-loop recordings jointly.
+    ties
+        Ratios held at a value: ``alpha`` = m2/m1, ``beta`` = b2/b1, ``gamma`` = d2/d1. The handout method ties all
+        three (0.54, 0.1, 0.1 unless given); maximum likelihood none unless given.
+    p
+        Handout method only: use this real pole [1/s] instead of the one read (3.3's slight adjustment).
+    damping
+        Maximum likelihood only: fit the spring's damping C too.
+    threads
+        Maximum likelihood only: number of threads; the answer does not depend on it.
+
+    Raises
+    ------
+    ValueError
+        For an unknown method, an argument the method has no use for, or recordings it cannot use.
+    """
+    if method not in METHODS:
+        raise ValueError(f"method: must be {' or '.join(METHODS)}; got {method!r}.")
+    runs = _read(recordings)
+    rig = rig_parameters(runs)
+    if method == "handout":
+        if damping:
+            raise ValueError("damping: the handout assumes C = 0; got damping=True. Use method='ml'.")
+        handout = identify_by_handout(runs, **{"alpha": 0.54, "beta": 0.1, "gamma": 0.1, **(ties or {})}, p=p)
+        drive = handout.drive()
+        return Identification(drive.replace(rig, intervals=drive.intervals), handout.quantities, method, handout)
+    if p is not None:
+        raise ValueError(f"p: only the handout method reads p off and can be told another; got {p:g}.")
+    likely = identify_by_likelihood(runs, ties=ties, damping=damping, threads=threads)
+    if likely.drive.carts == 1:
+        rig = {name: value for name, value in rig.items() if "encoder_2" not in name}
+    drive = likely.drive.replace(rig, intervals=likely.drive.intervals, covariance=likely.drive.covariance)
+    return Identification(drive, likely.quantities, method, likely)
+
+
+def _read(source: str | Path | Sequence[str | Path] | Sequence[Recording]) -> tuple[Recording, ...]:
+    if isinstance(source, str | Path):
+        return read_recordings(source)
+    items = list(source)
+    given = [item for item in items if isinstance(item, Recording)]
+    if len(given) == len(items) and items:
+        return tuple(given)
+    return read_recordings([item for item in items if not isinstance(item, Recording)])

@@ -1,0 +1,157 @@
+r"""Residuals of the output-error model: simulate every recording, compare velocities.
+
+The model is the drive's own compiled step, driven by the recorded command, read through the recording's own velocity
+processing; residuals are v_measured - v_simulated [mm/s] at the samples no fault touches. Encoder counts are noise of
+the measurement, not of the model, so the model is simulated without quantisation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexdrive_gym.drive import kernels, parameters
+from flexdrive_gym.drive.step import MEMORY
+from flexdrive_gym.recording import BoolArray, Channel, FloatArray, Recording
+from identification.floor import period_samples, run_variance
+from identification.signals import velocities
+
+BLOCK_S = 0.005
+_MEASURED: tuple[tuple[Channel, Channel], ...] = (("v1", "x1"), ("v2", "x2"))
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One recording, prepared for many simulations.
+
+    Attributes
+    ----------
+    u : ndarray, shape (n,)
+        Command [V].
+    measured : list of ndarray, shape (n,)
+        Velocity per cart [mm/s].
+    keep : list of ndarray of bool, shape (n,)
+        Valid samples per cart.
+    cutoff
+        Of the velocity filter [Hz]; 0 for the raw difference.
+    floor
+        Per cart, variance of block sums that no model can explain [(mm/s)²]: what differs between the periods of the
+        run, or the encoder's noise where nothing repeats.
+    """
+
+    name: str
+    u: FloatArray
+    sample_time: float
+    measured: list[FloatArray]
+    keep: list[BoolArray]
+    start: FloatArray
+    cutoff: float
+    floor: list[float]
+
+    @property
+    def block(self) -> int:
+        """Samples per block of a fit: 5 ms, which keeps every mode of such a drive and averages encoder counts."""
+        return max(1, round(BLOCK_S / self.sample_time))
+
+    def blocks(self, cart: int, values: FloatArray) -> FloatArray:
+        """Return block sums over valid samples divided by the root of their number, shape (n blocks,).
+
+        For white residuals every entry has the variance of one sample, so sums of squares stay comparable.
+        """
+        n, b = len(self.u), self.block
+        edges = np.arange(0, n, b)
+        count = np.add.reduceat(self.keep[cart].astype(np.float64), edges)
+        total = np.add.reduceat(np.where(self.keep[cart], values, 0.0), edges)
+        return np.asarray(total[count > 0.0] / np.sqrt(count[count > 0.0]))
+
+    def block_times(self, cart: int) -> FloatArray:
+        """Return the start time of every block that :meth:`blocks` returns [s]."""
+        edges = np.arange(0, len(self.u), self.block)
+        count = np.add.reduceat(self.keep[cart].astype(np.float64), edges)
+        return np.asarray(edges[count > 0.0] * self.sample_time)
+
+
+def prepare(recording: Recording) -> Run:
+    """Return a recording ready for simulation: velocities, valid samples and the state it starts in."""
+    v = velocities(recording)
+    keep = [
+        recording.valid(_MEASURED[i][0] if getattr(recording, _MEASURED[i][0]) is not None else _MEASURED[i][1])
+        for i in range(len(v))
+    ]
+    start = np.zeros(4)
+    head = max(3, round(0.01 / recording.sample_time))
+    for i, x in enumerate(v):
+        # a run that starts at rest shows at most a count; anything more is motion it started with
+        speed = float(np.mean(x[:head]))
+        start[2 * i + 1] = speed if abs(speed) > 2.0 * max(recording.quantum) / recording.sample_time / head else 0.0
+    u = np.ascontiguousarray(recording.u, dtype=np.float64)
+    h = recording.sample_time
+    width = max(1, round(BLOCK_S / h))
+    floor = []
+    for i, x in enumerate(v):
+        # a raw difference of counts errs by one count over a whole block, however long
+        counts = (recording.quantum[i] / h) ** 2 / 6.0 / width
+        repeated = run_variance(x, keep[i], period_samples(recording), width)
+        floor.append(max(counts, repeated if np.isfinite(repeated) else 0.0))
+    return Run(recording.name, u, h, v, keep, start, recording.velocity_cutoff or 0.0, floor)
+
+
+def simulate_run(values: Mapping[str, float], run: Run, physics_step: float = 1e-3) -> list[FloatArray]:
+    """Return the simulated velocities of one run, a list of ndarray of shape (n,) per cart [mm/s]."""
+    p = parameters.vector(values)
+    for place in ("encoder_1", "encoder_2"):
+        p[parameters.index(f"encoder_quantisation.{place}.quantum")] = 0.0
+        p[parameters.index(f"velocity_processing.{place}.cutoff")] = run.cutoff
+    readings = np.empty((4, len(run.u)))
+    steps = parameters.substeps(values, run.sample_time, physics_step)
+    kernels.run_open_loop(
+        run.u,
+        run.sample_time,
+        steps,
+        run.start,
+        np.zeros(MEMORY),
+        parameters.workspace(values),
+        p,
+        readings,
+        None,
+    )
+    return [readings[2 + i] for i in range(len(run.measured))]
+
+
+def residuals(values: Mapping[str, float], runs: Sequence[Run], pool: Executor | None = None) -> list[FloatArray]:
+    """Return measured minus simulated velocity of every run and cart, all samples.
+
+    Parameters
+    ----------
+    values
+        Parameters of the drive.
+    runs
+        Prepared recordings.
+    pool
+        Runs the recordings on its threads; the kernels release the interpreter.
+
+    Returns
+    -------
+    list of ndarray
+        In the order run 1 cart 1, run 1 cart 2, run 2 cart 1, ... [mm/s]
+    """
+
+    def one(run: Run) -> list[FloatArray]:
+        return [m - s for m, s in zip(run.measured, simulate_run(values, run), strict=True)]
+
+    parts = map(one, runs) if pool is None else pool.map(one, runs)
+    return [r for part in parts for r in part]
+
+
+def block_residuals(values: Mapping[str, float], runs: Sequence[Run], pool: Executor | None = None) -> list[FloatArray]:
+    """Return :func:`residuals` in blocks of 5 ms over valid samples, as a fit uses them."""
+
+    def one(run: Run) -> list[FloatArray]:
+        simulated = simulate_run(values, run)
+        return [run.blocks(c, m - s) for c, (m, s) in enumerate(zip(run.measured, simulated, strict=True))]
+
+    parts = map(one, runs) if pool is None else pool.map(one, runs)
+    return [r for part in parts for r in part]

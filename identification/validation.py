@@ -1,0 +1,232 @@
+r"""Does the model hold? Overlays, fits and residual tests (handout 3.3).
+
+Open-loop runs are replayed with their recorded command; closed-loop runs are simulated *in the loop*, with the gain
+and feedback found in the data, because a free replay of their command drifts with any friction error. Figures of
+merit per channel y against its simulation ŷ:
+
+* rms of y - ŷ, beside the floor no single model can undercut;
+* NRMSE fit :math:`1 - \|y - \hat y\| / \|y - \bar y\|` and VAF :math:`1 - \mathrm{var}(y - \hat y) / \mathrm{var}(y)`;
+* whiteness: the Ljung-Box test on the residual in blocks of 5 ms, and the share of its autocorrelations outside the 99 %
+  band of white noise (G. Ljung, G. Box, Biometrika 65, 1978);
+* cross-correlation of the residual with the command's past against the band :math:`\pm 2.58 \sqrt{P/N}`,
+  :math:`P = \sum_\tau R_\varepsilon(\tau) R_u(\tau)` (L. Ljung, System Identification, 1999, sec. 16.6).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import correlate
+from scipy.stats import chi2
+
+from flexdrive_gym import Drive, PControl, Recording
+from flexdrive_gym.recording import BoolArray, FloatArray
+from identification.floor import measure_floor
+from identification.output_error import BLOCK_S, prepare, simulate_run
+
+_LAGS = 40
+_NORMAL_99 = 2.58
+
+
+@dataclass(frozen=True)
+class ChannelFit:
+    """How one channel of one recording is reproduced.
+
+    Attributes
+    ----------
+    rms, floor
+        Of the residual and of what no model can explain [unit]; the floor is nan where nothing repeats.
+    nrmse, vaf
+        Fit by norm and by variance, 1 is perfect; nan where the channel does not move.
+    whiteness
+        p-value of the Ljung-Box test; small: the residual has structure left.
+    correlated
+        Share of autocorrelations outside the 99 % band.
+    input_correlation
+        Largest cross-correlation with the command's past over its 99 % band; above 1: the command still explains
+        part of the residual.
+    """
+
+    recording: str
+    channel: str
+    unit: str
+    rms: float
+    floor: float
+    nrmse: float
+    vaf: float
+    whiteness: float
+    correlated: float
+    input_correlation: float
+
+
+@dataclass(frozen=True, eq=False)
+class Overlay:
+    """A measured recording and its simulation on the same instants."""
+
+    measured: Recording
+    simulated: Recording
+    fits: tuple[ChannelFit, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Validation:
+    """All overlays of a data set.
+
+    Attributes
+    ----------
+    overlays
+        One per recording.
+    rms, floor
+        Over all open-loop velocity channels [mm/s]; the floor over those where it could be measured.
+    """
+
+    overlays: tuple[Overlay, ...]
+    rms: float
+    floor: float
+
+    def fits(self) -> tuple[ChannelFit, ...]:
+        """Return every channel's fit."""
+        return tuple(f for overlay in self.overlays for f in overlay.fits)
+
+    def __str__(self) -> str:
+        lines = [f"{'recording':34s} channel      rms    floor   NRMSE     VAF"]
+        lines += [
+            f"{f.recording:34s} {f.channel:7s} {f.rms:8.3g} {f.floor:8.3g} {f.nrmse:7.1%} {f.vaf:7.1%}"
+            for f in self.fits()
+        ]
+        return "\n".join([*lines, f"all velocities: rms {self.rms:.3g} mm/s, floor {self.floor:.3g} mm/s"])
+
+
+def simulate_like(drive: Drive, recording: Recording) -> Recording:
+    """Simulate what a recording did: replay of u in open loop, in the loop for P-control.
+
+    Velocities pass the recording's own processing, without encoder counts.
+    """
+    if recording.closed_loop and recording.xr is not None and recording.excitation.gain is not None:
+        feedback = recording.excitation.feedback or "x2"
+        limit = {} if "saturation.limit" in drive.values else {"saturation.limit": recording.excitation.limit or 8.0}
+        start = [0.0 if x is None else float(x[0]) for x in (recording.x1, recording.x2)]
+        return drive.replace(limit).simulate_closed_loop(
+            recording.t,
+            recording.xr,
+            PControl(recording.excitation.gain, feedback),
+            start=(start[0], 0.0, start[1], 0.0),
+            name=recording.name,
+        )
+    v = simulate_run(drive.values, prepare(recording))
+    return Recording(
+        recording.name, recording.t, recording.u, v1=v[0], v2=v[1] if len(v) > 1 else None, source="simulated"
+    )
+
+
+def validate(drive: Drive, recordings: Sequence[Recording]) -> Validation:
+    """Compare a drive with recordings.
+
+    Parameters
+    ----------
+    drive
+        The model.
+    recordings
+        Open-loop and P-control runs, best those the drive was not fitted to.
+
+    Returns
+    -------
+    Validation
+    """
+    floors = {(f.recording, f.cart): f.rms for f in measure_floor(recordings)}
+    overlays = []
+    squares, floor_squares, n, floor_n = 0.0, 0.0, 0, 0
+    for measured in recordings:
+        simulated = simulate_like(drive, measured)
+        fits = []
+        for name, y in measured.channels():
+            y_hat = getattr(simulated, name)
+            if y_hat is None or (measured.closed_loop and name.startswith("v")):
+                continue
+            keep = measured.valid(name)
+            floor = floors.get((measured.name, int(name[1])), float("nan")) if name.startswith("v") else float("nan")
+            fit = _fit(measured, name, y, y_hat, keep, floor)
+            fits.append(fit)
+            if name.startswith("v"):
+                squares, n = squares + fit.rms**2 * keep.sum(), n + int(keep.sum())
+                if np.isfinite(floor):
+                    floor_squares, floor_n = floor_squares + floor**2 * keep.sum(), floor_n + int(keep.sum())
+        overlays.append(Overlay(measured, simulated, tuple(fits)))
+    return Validation(
+        tuple(overlays),
+        float(np.sqrt(squares / n)) if n else float("nan"),
+        float(np.sqrt(floor_squares / floor_n)) if floor_n else float("nan"),
+    )
+
+
+def _fit(
+    recording: Recording, name: str, y: FloatArray, y_hat: FloatArray, keep: BoolArray, floor: float
+) -> ChannelFit:
+    unit = "mm/s" if name.startswith("v") else "mm"
+    if not keep.any():
+        nan = float("nan")
+        return ChannelFit(recording.name, name, unit, nan, floor, nan, nan, nan, nan, nan)
+    e, reference = (y - y_hat)[keep], y[keep]
+    moved = float(np.std(reference)) > 0.0
+    whiteness, correlated = whiteness_test(_blocks(recording, y - y_hat, keep))
+    return ChannelFit(
+        recording.name,
+        name,
+        unit,
+        float(np.sqrt(np.mean(e**2))),
+        floor,
+        1.0 - float(np.linalg.norm(e) / np.linalg.norm(reference - reference.mean())) if moved else float("nan"),
+        1.0 - float(np.var(e) / np.var(reference)) if moved else float("nan"),
+        whiteness,
+        correlated,
+        input_correlation(_blocks(recording, y - y_hat, keep), _blocks(recording, recording.u, keep)),
+    )
+
+
+def _blocks(recording: Recording, values: FloatArray, keep: BoolArray) -> FloatArray:
+    """Means over 5 ms; a block with a fault is set to the mean, which adds no correlation of its own."""
+    width = max(1, round(BLOCK_S / recording.sample_time))
+    n = len(values) // width
+    inside = keep[: n * width].reshape(n, width).all(axis=1)
+    means = values[: n * width].reshape(n, width).mean(axis=1)
+    centre = float(means[inside].mean()) if inside.any() else 0.0
+    return np.where(inside, means - centre, 0.0)
+
+
+def autocorrelation(e: FloatArray, lags: int) -> FloatArray:
+    """Return the normalised autocorrelation at lags 1 … ``lags``, ndarray, shape (lags,); 0 for a zero signal."""
+    full = correlate(e, e, method="fft")[len(e) - 1 :]
+    return np.asarray(full[1 : lags + 1] / full[0]) if full[0] > 0.0 else np.zeros(lags)
+
+
+def whiteness_test(e: FloatArray, lags: int = _LAGS) -> tuple[float, float]:
+    """Return the Ljung-Box p-value and the share of autocorrelations outside the 99 % band.
+
+    Parameters
+    ----------
+    e : ndarray, shape (n,)
+        Residuals.
+    lags
+        Number of lags tested.
+    """
+    n = len(e)
+    lags = min(lags, n - 2)
+    if lags < 1:
+        return float("nan"), float("nan")
+    rho = autocorrelation(e, lags)
+    statistic = n * (n + 2) * float(np.sum(rho**2 / (n - 1 - np.arange(lags))))
+    return float(chi2.sf(statistic, lags)), float(np.mean(np.abs(rho) > _NORMAL_99 / np.sqrt(n)))
+
+
+def input_correlation(e: FloatArray, u: FloatArray, lags: int = _LAGS) -> float:
+    """Return the largest |cross-correlation| of e with u's past over its 99 % band."""
+    n = len(e)
+    scale = float(np.linalg.norm(e) * np.linalg.norm(u))
+    if scale == 0.0 or n < 4:
+        return 0.0
+    cross = correlate(e, u, method="fft")[n - 1 : n - 1 + min(lags, n - 1)] / scale
+    rho_e, rho_u = autocorrelation(e, n - 1), autocorrelation(u, n - 1)
+    spread = max(1.0 + 2.0 * float(np.sum(rho_e * rho_u)), 1.0)
+    return float(np.max(np.abs(cross)) / (_NORMAL_99 * np.sqrt(spread / n)))
