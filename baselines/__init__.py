@@ -1,0 +1,1 @@
+"""Controllers, experiments and reports on any identified drive."""

@@ -1,0 +1,50 @@
+"""The command ``flexdrive``."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+import typer
+
+from baselines.commands import demo, experiment, identify, report, stability, validate
+from flexdrive_gym.version import __version__
+
+app = typer.Typer(
+    name="flexdrive",
+    help="Identify, simulate, control and diagnose the two-mass flexible drive of a control laboratory.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+for _module in (demo, identify, validate, stability, experiment, report):
+    app.command()(getattr(_module, _module.__name__.rsplit(".", 1)[-1]))
+
+
+def _version(value: bool) -> None:
+    if value:
+        print(__version__)
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+def main() -> None:
+    """Run the command line: exit 0 on success, 1 on failure with a sentence, 2 on wrong usage."""
+    try:
+        app()
+    except (ValueError, TypeError, KeyError, OSError) as error:
+        text = error.args[0] if isinstance(error, KeyError) and error.args else error
+        print(f"flexdrive: {text}", file=sys.stderr)
+        raise SystemExit(1) from error
+    except KeyboardInterrupt:
+        print("flexdrive: interrupted; nothing was half-written", file=sys.stderr)
+        raise SystemExit(1) from None

@@ -1,0 +1,5 @@
+"""``python -m baselines.commands`` is ``flexdrive``."""
+
+from baselines.commands import main
+
+main()

@@ -1,0 +1,103 @@
+"""How commands speak: tables on a terminal, one JSON object with ``--json``, errors in a sentence."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output instead of tables.")]
+Recordings = Annotated[
+    list[Path],
+    typer.Argument(
+        exists=True,
+        help="Folder (searched recursively) or files: .csv, .csv.gz, .mat.",
+        metavar="RECORDINGS...",
+    ),
+]
+DriveFile = Annotated[Path, typer.Argument(exists=True, dir_okay=False, help="A drive.toml.", metavar="DRIVE")]
+
+
+def plain(value: Any) -> Any:
+    """Return a value as JSON knows it: dataclasses become objects, nan and inf become null."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return {f.name: plain(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, Mapping):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, Path):
+        return str(value)
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, list | tuple | set | frozenset):
+        return [plain(v) for v in value]
+    return value
+
+
+def print_json(value: Any) -> None:
+    """Print one JSON object on standard output."""
+    print(json.dumps(plain(value), ensure_ascii=False))
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """Return a number for a table cell; a dash where there is none."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    return f"{value:.{digits}g}"
+
+
+def interval(bounds: tuple[float, float] | None) -> str:
+    """Return a 95 % interval for a table cell."""
+    return "" if bounds is None else f"{bounds[0]:.4g} … {bounds[1]:.4g}"
+
+
+def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """Print a table; every column but the first is right-aligned if it holds numbers."""
+    from rich.console import Console  # noqa: PLC0415  (keeps --help quick)
+    from rich.table import Table  # noqa: PLC0415
+
+    sheet = Table(title=title, title_justify="left", title_style="bold", header_style="bold", box=None, pad_edge=False)
+    body = [list(row) for row in rows]
+    for i, name in enumerate(columns):
+        texts = [row[i] for row in body]
+        numeric = i > 0 and all(not text or text[0] in "-+–0123456789<>" for text in texts)
+        sheet.add_column(name, justify="right" if numeric else "left", overflow="fold")
+    for row in body:
+        sheet.add_row(*row)
+    Console(width=None if Console().is_terminal else 140).print(sheet)
+
+
+def say(text: str) -> None:
+    """Print a sentence."""
+    from rich.console import Console  # noqa: PLC0415
+
+    Console(width=None if Console().is_terminal else 140, highlight=False).print(text, markup=False)
+
+
+@contextmanager
+def progress() -> Iterator[Progress]:
+    """Show progress on standard error, so that standard output stays clean; nothing where that is no terminal."""
+    from rich.console import Console  # noqa: PLC0415
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn  # noqa: PLC0415
+
+    console = Console(stderr=True)
+    with Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        console=console,
+        disable=not console.is_terminal,
+        transient=True,
+    ) as bar:
+        yield bar

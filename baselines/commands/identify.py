@@ -1,0 +1,109 @@
+"""``flexdrive identify``."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from baselines.commands._output import Json, Recordings, interval, number, print_json, progress, say, table
+
+if TYPE_CHECKING:
+    from identification import Identification, MaximumLikelihood
+
+
+class Method(StrEnum):
+    """How to identify."""
+
+    handout = "handout"
+    ml = "ml"
+
+
+Ratio = Annotated[float | None, typer.Option(min=0.0, help="Hold this ratio (handout: 0.54, 0.1, 0.1).")]
+
+
+def identify(
+    recordings: Recordings,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Where to write the drive.")] = Path("drive.toml"),
+    method: Annotated[Method, typer.Option(help="Handout 3.2, or maximum likelihood.")] = Method.ml,
+    alpha: Ratio = None,
+    beta: Ratio = None,
+    gamma: Ratio = None,
+    p: Annotated[float | None, typer.Option(min=0.0, help="Handout only: use this real pole [1/s] (3.3).")] = None,
+    damping: Annotated[bool, typer.Option(help="ml only: fit the spring's damping C too.")] = False,
+    compare_tied: Annotated[bool, typer.Option(help="ml only: also fit with the handout's ratios held.")] = True,
+    threads: Annotated[int | None, typer.Option(min=1, help="ml only: threads; the answer does not change.")] = None,
+    json: Json = False,
+) -> None:
+    """Identify the drive; print the quantities of handout 3.5 and write drive.toml."""
+    from flexdrive_gym import save_drive  # noqa: PLC0415
+    from identification import identify as run  # noqa: PLC0415
+    from identification import read_recordings  # noqa: PLC0415
+    from identification.likelihood import HANDOUT_RATIOS, identify_by_likelihood  # noqa: PLC0415
+
+    ties = {n: v for n, v in (("alpha", alpha), ("beta", beta), ("gamma", gamma)) if v is not None}
+    with progress() as bar:
+        task = bar.add_task("reading recordings", total=3)
+        runs = read_recordings(recordings)
+        bar.update(task, advance=1, description="identifying")
+        found = run(runs, method.value, ties=ties or None, p=p, damping=damping, threads=threads)
+        bar.update(task, advance=1, description="handout's ratios held")
+        tied = None
+        if method is Method.ml and compare_tied and not ties and found.drive.carts == 2:
+            tied = identify_by_likelihood(runs, ties=HANDOUT_RATIOS, threads=threads)
+        bar.update(task, advance=1)
+    save_drive(found.drive, output)
+    if json:
+        print_json(_as_json(found, tied, output))
+        return
+    _print(found, tied, output)
+
+
+def _as_json(found: Identification, tied: MaximumLikelihood | None, output: Path) -> dict[str, object]:
+    from identification import MaximumLikelihood  # noqa: PLC0415
+
+    result: dict[str, object] = {
+        "drive": output,
+        "method": found.method,
+        "quantities": found.quantities,
+        "notes": found.result.notes,
+    }
+    if isinstance(found.result, MaximumLikelihood):
+        result |= {
+            "ratios": found.result.ratios,
+            "rms_mm_s": found.result.rms,
+            "effective_samples": found.result.effective_samples,
+            "per_recording": found.result.channels,
+            "tied_rms_mm_s": None if tied is None else tied.rms,
+        }
+    return result
+
+
+def _print(found: Identification, tied: MaximumLikelihood | None, output: Path) -> None:
+    from identification import MaximumLikelihood  # noqa: PLC0415
+    from identification.likelihood import improvement  # noqa: PLC0415
+
+    result = found.result
+    rows = dict(found.quantities)
+    if isinstance(result, MaximumLikelihood):
+        rows |= dict(result.ratios)
+    table(
+        f"identified by {'the handout' if found.method == 'handout' else 'maximum likelihood'}",
+        ["quantity", "value", "95 % interval", "unit", "how"],
+        [[name, number(q.value, 5), interval(q.ci95), q.unit or "–", q.how] for name, q in rows.items()],
+    )
+    if isinstance(result, MaximumLikelihood):
+        say(
+            f"rms residual {result.rms:.2f} mm/s over {result.samples} samples, worth {result.effective_samples:.0f} "
+            "independent ones"
+        )
+        if tied is not None:
+            say(
+                f"with the handout's ratios held: {tied.rms:.2f} mm/s; freeing them cuts the squared error by "
+                f"{100.0 * improvement(tied, result):.0f} %"
+            )
+    for note in result.notes:
+        say(f"note: {note}")
+    say(f"wrote {output}")

@@ -1,0 +1,98 @@
+"""``flexdrive validate``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from baselines.commands._output import DriveFile, Json, Recordings, number, print_json, progress, say, table
+
+if TYPE_CHECKING:
+    from flexdrive_gym import Drive
+    from identification import Validation
+    from identification.frequency_response import FrequencyTable
+
+
+def validate(
+    drive: DriveFile,
+    recordings: Recordings,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", file_okay=False, help="Folder for overlays and Bode plots (PNG)."),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Compare a drive with recordings (3.3, 3.4): fit per recording against the floor, frequency response, overlays."""
+    from flexdrive_gym import load_drive  # noqa: PLC0415
+    from identification import read_recordings  # noqa: PLC0415
+    from identification import validate as run  # noqa: PLC0415
+    from identification.frequency_response import measure_frequency_response  # noqa: PLC0415
+
+    rig = load_drive(drive)
+    with progress() as bar:
+        task = bar.add_task("reading recordings", total=2)
+        runs = read_recordings(recordings)
+        bar.update(task, advance=1, description="simulating")
+        result = run(rig, runs)
+        bar.advance(task)
+    sines = [r for r in runs if r.excitation.kind == "sine"]
+    response = measure_frequency_response(sines) if sines else None
+    files = [] if output is None else _write_figures(output, rig, result, response)
+    if json:
+        print_json(
+            {
+                "rms_mm_s": result.rms,
+                "floor_mm_s": result.floor,
+                "per_recording": result.fits(),
+                "frequency_response": None if response is None else response.rows,
+                "files": files,
+            }
+        )
+        return
+    table(
+        f"{rig.name} against {len(runs)} recordings",
+        ["recording", "channel", "rms", "floor", "unit", "NRMSE fit", "VAF"],
+        [
+            [
+                f.recording,
+                f.channel,
+                number(f.rms, 3),
+                number(f.floor, 3),
+                f.unit,
+                _percent(f.nrmse),
+                _percent(f.vaf),
+            ]
+            for f in result.fits()
+        ],
+    )
+    say(f"all velocities: rms {result.rms:.2f} mm/s, floor {result.floor:.2f} mm/s")
+    if response is not None:
+        columns, rows = response.as_table()
+        table("frequency response (3.4)", columns, rows)
+    if files:
+        say(f"wrote {len(files)} figures to {output}")
+
+
+def _percent(value: float) -> str:
+    return "–" if value != value else f"{100.0 * value:.1f} %"  # noqa: PLR0124  (nan)
+
+
+def _write_figures(folder: Path, drive: Drive, result: Validation, response: FrequencyTable | None) -> list[Path]:
+    import io  # noqa: PLC0415
+
+    from identification.plots import plot_bode, plot_validation  # noqa: PLC0415
+
+    from flexdrive_gym.files import write_atomically  # noqa: PLC0415
+
+    figures = {f"overlay_{o.measured.name}.png": plot_validation(o.measured, o.simulated) for o in result.overlays}
+    if response is not None and drive.carts == 2:
+        both = plot_bode(drive.linear, response, drive, response.amplitude)
+        figures |= {f"bode_cart_{i}.png": figure for i, figure in enumerate(both, start=1)}
+    written = []
+    for name, figure in figures.items():
+        stream = io.BytesIO()
+        figure.savefig(stream, format="png", dpi=110)
+        written.append(write_atomically(folder / name, stream.getvalue()))
+    return written

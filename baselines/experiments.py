@@ -1,0 +1,106 @@
+"""The in-lab day, 2.1-2.6 of the handout, on a simulated rig."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from baselines.stability_limit import critical_gain, with_rig
+from flexdrive_gym import Drive, Excitation, PControl, Recording
+from flexdrive_gym.references import handout_trajectory, sine, square
+
+SAMPLE_TIME_S = 1e-3
+DURATION_S = 8.0
+P_CONTROL_S = 4.0
+STABLE_GAIN = 0.05
+SQUARES_V = (1.5, 2.0)
+SINE_V = 2.5
+FREQUENCIES_HZ = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 8.0, 12.0, 16.0, 20.0)
+TRAVEL_MM = 400.0
+
+
+def _times(duration: float) -> np.ndarray:
+    return np.arange(round(duration / SAMPLE_TIME_S) + 1) * SAMPLE_TIME_S
+
+
+def p_control(
+    drive: Drive, gain: float, feedback: Literal["x1", "x2"], *, duration: float = P_CONTROL_S, name: str = ""
+) -> Recording:
+    """Run P-control on the handout's trajectory (2.1-2.4).
+
+    Parameters
+    ----------
+    drive
+        The rig; encoder counts and the command limit are the handout's where it has none.
+    gain
+        Kp [V/mm].
+    feedback
+        ``x2`` (non-collocated) or ``x1`` (collocated).
+    duration
+        [s]
+    """
+    t = _times(duration)
+    run = with_rig(drive).simulate_closed_loop(
+        t,
+        handout_trajectory(t),
+        PControl(gain, feedback),
+        travel_limit=TRAVEL_MM,
+        name=name or f"pctrl_{feedback}_kp{gain:.4g}",
+    )
+    return replace(run, excitation=replace(run.excitation, frequency=0.5), v1=None, v2=None)
+
+
+def open_loop(drive: Drive, kind: Literal["square", "sine"], amplitude: float, frequency: float) -> Recording:
+    """Run an open-loop excitation for 8 s (2.5, 2.6); velocities are recorded as the rig makes them."""
+    t = _times(DURATION_S)
+    u = (square if kind == "square" else sine)(t, amplitude, frequency)
+    run = with_rig(drive).simulate(t, u, name=f"{kind}_{amplitude:.1f}V_{frequency:.1f}Hz")
+    return replace(run, excitation=Excitation(kind, amplitude, frequency), x1=None, x2=None)
+
+
+def stability_experiments(drive: Drive) -> dict[str, Recording]:
+    """Run 2.1-2.4: stable, critically stable, unstable, and collocated at the unstable gain.
+
+    Returns
+    -------
+    dict
+        Section of the handout to recording. A rigid drive, or one without a limit below 10 V/mm, has 2.1 only.
+    """
+    feedback: Literal["x1", "x2"] = "x2" if drive.carts == 2 else "x1"
+    runs = {"2.1": p_control(drive, STABLE_GAIN, feedback)}
+    limit = critical_gain(drive, feedback) if drive.carts == 2 else None
+    if limit is not None:
+        # "a little above": enough to see the growth within the four seconds that are recorded
+        unstable = 1.05 * limit
+        runs["2.2"] = p_control(drive, limit, "x2", name=f"pctrl_x2_kp{limit:.4g}_critical")
+        runs["2.3"] = p_control(drive, unstable, "x2", name=f"pctrl_x2_kp{unstable:.4g}_unstable")
+        runs["2.4"] = p_control(drive, unstable, "x1", name=f"pctrl_x1_kp{unstable:.4g}_collocated")
+    return runs
+
+
+def lab_day(
+    drive: Drive,
+    *,
+    squares: Sequence[float] = SQUARES_V,
+    sine_amplitude: float = SINE_V,
+    frequencies: Sequence[float] = FREQUENCIES_HZ,
+) -> Iterator[Recording]:
+    """Yield every recording of 2.1-2.6, one at a time.
+
+    Parameters
+    ----------
+    drive
+        The rig.
+    squares
+        Amplitudes of the 0.5 Hz squares [V].
+    sine_amplitude, frequencies
+        Of the sines [V], [Hz].
+    """
+    yield from stability_experiments(drive).values()
+    for amplitude in squares:
+        yield open_loop(drive, "square", amplitude, 0.5)
+    for frequency in frequencies:
+        yield open_loop(drive, "sine", sine_amplitude, frequency)

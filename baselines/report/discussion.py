@@ -1,0 +1,200 @@
+"""The handout's questions (3.5), answered from the numbers found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from baselines.stability_limit import HANDOUT_LIMIT_V, StabilityLimit, grows
+from flexdrive_gym import Drive, Recording
+
+if TYPE_CHECKING:
+    from identification import Validation
+    from identification.frequency_response import FrequencyTable
+
+
+@dataclass(frozen=True)
+class PControlMeasures:
+    """One P-control run in numbers.
+
+    Attributes
+    ----------
+    error_rms, error_peak
+        Of e = xr - x2 [mm].
+    dwell_error
+        Mean |e| over the last tenth of a second of every dwell [mm].
+    vibration
+        Largest swing of x2 during a dwell, peak to peak [mm].
+    unstable
+        Whether the vibration grows.
+    saturated
+        Share of samples with the command at its limit.
+    """
+
+    name: str
+    feedback: str
+    gain: float
+    error_rms: float
+    error_peak: float
+    dwell_error: float
+    vibration: float
+    unstable: bool
+    saturated: float
+
+
+def measure_p_control(run: Recording) -> PControlMeasures:
+    """Return the measures of a P-control run.
+
+    Raises
+    ------
+    ValueError
+        If the run has no reference or no second cart.
+    """
+    if run.xr is None or run.x2 is None:
+        raise ValueError(f"{run.name}: needs xr and x2; record both (2.1).")
+    e = run.xr - run.x2
+    still = np.concatenate([[False], np.abs(np.diff(run.xr)) < 1e-9])
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(int), [0]])))
+    dwells = [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if (b - a) * run.sample_time > 0.15]
+    tail = round(0.1 / run.sample_time)
+    at_end = [float(np.mean(np.abs(e[max(a, b - tail) : b]))) for a, b in dwells]
+    # the first part of a dwell still belongs to the arrival
+    swing = [float(np.ptp(run.x2[(a + b) // 2 : b])) for a, b in dwells]
+    limit = run.excitation.limit or HANDOUT_LIMIT_V
+    return PControlMeasures(
+        run.name,
+        run.excitation.feedback or "?",
+        run.excitation.gain or float("nan"),
+        float(np.sqrt(np.mean(e**2))),
+        float(np.max(np.abs(e))),
+        float(np.mean(at_end)) if at_end else float("nan"),
+        max(swing, default=float("nan")),
+        grows(run),
+        float(np.mean(np.abs(run.u) > 0.999 * limit)),
+    )
+
+
+def effect_of_gain(measures: Sequence[PControlMeasures], drive: Drive, limit: StabilityLimit | None) -> list[str]:
+    """Answer "What is the effect of changing the P-control gain in non-collocated control?"."""
+    runs = sorted((m for m in measures if m.feedback == "x2"), key=lambda m: m.gain)
+    if not runs:
+        return ["There is no run with feedback from x2 to discuss."]
+    answer = []
+    low, calm = runs[0], [m for m in runs if not m.unstable]
+    if len(calm) > 1:
+        high = calm[-1]
+        answer.append(
+            f"Raising Kp from {low.gain:.4g} to {high.gain:.4g} V/mm stiffens the loop: the error left in the dwells falls "
+            f"from {low.dwell_error:.1f} to {high.dwell_error:.1f} mm, because a P-controller stops moving the carts once "
+            f"Kp·e is below their friction (dT/Kp = {_total_friction(drive) / low.gain:.1f} mm against "
+            f"{_total_friction(drive) / high.gain:.1f} mm)."
+        )
+        answer.append(
+            f"The price is vibration: x2 still swings {high.vibration:.1f} mm peak to peak in the dwells at "
+            f"{high.gain:.4g} V/mm, against {low.vibration:.1f} mm at {low.gain:.4g} V/mm, since the loop feeds the spring's "
+            f"resonance (ωn = {drive.linear.omega_n:.1f} rad/s, ζ = {drive.linear.zeta:.2f}) with more than 180° of lag."
+        )
+    for m in runs:
+        if m.unstable:
+            touches = f", resting against the command limit {m.saturated:.0%} of the time" if m.saturated > 0.0 else ""
+            answer.append(f"At {m.gain:.4g} V/mm the amplitude grows: |e| reaches {m.error_peak:.0f} mm{touches}.")
+    if limit is not None and limit.critical_gain_linear is not None:
+        simulated = limit.critical_gain_simulated
+        answer.append(
+            f"The identified drive puts the limit at {limit.critical_gain_linear:.4g} V/mm without friction (Routh) and "
+            + (f"at {simulated:.4g} V/mm with it." if simulated is not None else "finds none with friction.")
+        )
+    return answer
+
+
+def collocation(measures: Sequence[PControlMeasures], drive: Drive) -> list[str]:
+    """Answer what collocated control buys and costs against non-collocated control."""
+    collocated = [m for m in measures if m.feedback == "x1"]
+    if not collocated:
+        return ["There is no run with feedback from x1 to discuss."]
+    m = max(collocated, key=lambda item: item.gain)
+    same = min((o for o in measures if o.feedback == "x2"), key=lambda o: abs(o.gain - m.gain), default=None)
+    answer = [
+        f"Advantage: stability. With feedback from x1 at {m.gain:.4g} V/mm the vibration "
+        f"{'grows too' if m.unstable else 'does not grow'} (x2 swings {m.vibration:.1f} mm in the dwells)"
+        + (
+            f", where feedback from x2 at {same.gain:.4g} V/mm {'was unstable' if same.unstable else 'held'} "
+            f"({same.vibration:.1f} mm)."
+            if same is not None
+            else "."
+        )
+        + " The zeros beside the complex poles give back the phase the spring takes: in linear theory no gain is unstable."
+    ]
+    slack = drive["d2"] / drive["k"] if drive["k"] > 0.0 else float("nan")
+    answer.append(
+        f"Disadvantage: accuracy of m2. The loop does not see the spring, so x2 may rest anywhere within "
+        f"±d2/k = ±{slack:.1f} mm of x1 and rings with the bare drive's damping; the measured error of x2 in the dwells is "
+        f"{m.dwell_error:.1f} mm."
+    )
+    return answer
+
+
+def time_domain_observations(validation: Validation, drive: Drive) -> list[str]:
+    """State two observations on simulated against measured step responses (3.3)."""
+    fits = [
+        f
+        for overlay in validation.overlays
+        if overlay.measured.excitation.kind == "square"
+        for f in overlay.fits
+        if np.isfinite(f.rms)
+    ]
+    if not fits:
+        return ["There is no step response to compare."]
+    worst, best = max(fits, key=lambda f: f.rms), min(fits, key=lambda f: f.rms)
+    ratio = [f.rms / f.floor for f in fits if np.isfinite(f.floor) and f.floor > 0.0]
+    first = (
+        f"The simulation follows {best.channel} best ({best.recording}: rms {best.rms:.1f} mm/s, VAF {best.vaf:.1%}) and "
+        f"{worst.channel} worst ({worst.recording}: {worst.rms:.1f} mm/s, VAF {worst.vaf:.1%})."
+    )
+    second = (
+        f"What remains is {np.median(ratio):.1f} times (median) what differs between one period and the next of the same "
+        "run, " + ("so little is left to model." if np.median(ratio) < 1.2 else "so physics is missing from the model.")
+        if ratio
+        else "No period repeats, so there is no floor to compare the rest with."
+    )
+    third = (
+        f"The residual is {'white' if min(f.whiteness for f in fits) > 0.01 else 'coloured'} in the Ljung-Box test; "
+        f"in {sum(f.input_correlation > 1.0 for f in fits)} of {len(fits)} channels the command still explains part of it. "
+        f"The simulated oscillation has ωd = {drive.linear.omega_d:.1f} rad/s."
+    )
+    return [first, second, third]
+
+
+def frequency_domain_observations(table: FrequencyTable, drive: Drive, cart: int) -> list[str]:
+    """State two observations on theoretical against measured frequency response (3.4)."""
+    points = [(row.frequency, row.cart(cart)) for row in table.rows]
+    clear = [(f, c.gain, c.phase_deg) for f, c in points if c is not None and c.phase_deg is not None]
+    if not clear:
+        return ["No sine response stands above the encoder's resolution."]
+    f, gain, phase = np.array(clear, dtype=np.float64).T
+    theory = drive.linear.frequency_response(2.0 * np.pi * f, "x1" if cart == 1 else "x2")
+    ratio = gain / np.abs(theory)
+    difference = np.angle(np.exp(1j * np.deg2rad(phase)) / (theory / np.abs(theory)), deg=True)
+    low = f <= 1.0
+    i = int(np.argmax(np.abs(np.log(ratio))))
+    j = int(np.argmax(np.abs(difference)))
+    first = (
+        f"At low frequency (up to 1 Hz) the measured gain of cart {cart} is {np.mean(ratio[low]):.2f} times the linear one: "
+        "dry friction takes a share of the drive that the linear model does not know."
+        if low.any()
+        else f"The measured gain of cart {cart} is {np.mean(ratio):.2f} times the linear one on average."
+    )
+    return [
+        first,
+        (
+            f"The gain differs most at {f[i]:g} Hz (factor {ratio[i]:.2f}) and the phase at {f[j]:g} Hz "
+            f"({difference[j]:+.0f}°)."
+        ),
+    ]
+
+
+def _total_friction(drive: Drive) -> float:
+    return drive["d1"] + (drive["d2"] if drive.carts == 2 else 0.0)

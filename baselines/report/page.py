@@ -1,0 +1,82 @@
+"""Blocks of an HTML page, rendered by one template into one self-contained file."""
+
+from __future__ import annotations
+
+import base64
+import io
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+# a cell that lines up with numbers: a number, an interval, a percentage, a dash, or nothing
+_NUMBER = re.compile(
+    r"^(?:[-+−–]?[\d.]+(?:e[-+]?\d+)?\s*%?(?:\s*(?:±|…)\s*[-−\d.e+]+)?|–|none below 10|assumed|below resolution)?$"
+)
+
+
+@dataclass(frozen=True)
+class Block:
+    """A paragraph, heading, list, table or figure."""
+
+    kind: str
+    text: str = ""
+    lines: tuple[str, ...] = ()
+    columns: tuple[str, ...] = ()
+    rows: tuple[tuple[str, ...], ...] = ()
+    numeric: tuple[bool, ...] = ()
+    png: str = ""
+    caption: str = ""
+
+
+@dataclass
+class Section:
+    """A titled run of blocks, filled in reading order."""
+
+    title: str
+    anchor: str
+    blocks: list[Block] = field(default_factory=list)
+
+    def text(self, text: str) -> None:
+        """Add a paragraph."""
+        self.blocks.append(Block("text", text=text))
+
+    def heading(self, text: str) -> None:
+        """Add a sub-heading."""
+        self.blocks.append(Block("heading", text=text))
+
+    def items(self, lines: Sequence[str]) -> None:
+        """Add a bullet list."""
+        self.blocks.append(Block("list", lines=tuple(lines)))
+
+    def table(self, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+        """Add a table."""
+        cells = tuple(tuple(r) for r in rows)
+        numeric = tuple(all(_NUMBER.match(row[i]) for row in cells) for i in range(len(columns)))
+        self.blocks.append(Block("table", columns=tuple(columns), rows=cells, numeric=numeric))
+
+    def figure(self, figure: Figure, caption: str) -> None:
+        """Add a figure; it is rendered at once, so that its memory can be freed."""
+        stream = io.BytesIO()
+        figure.savefig(stream, format="png", dpi=110)
+        self.blocks.append(Block("figure", png=base64.b64encode(stream.getvalue()).decode(), caption=caption))
+
+
+def render(title: str, subtitle: str, summary: Sequence[str], sections: Sequence[Section], footer: str) -> str:
+    """Return the page as HTML."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # noqa: PLC0415
+
+    environment = Environment(
+        loader=PackageLoader("baselines.report", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+    )
+    template = environment.get_template("report.html.j2")
+    return template.render(
+        title=title, subtitle=subtitle, summary=list(summary), sections=list(sections), footer=footer
+    )

@@ -1,0 +1,8 @@
+"""The bundled sample: a lab day that flexdrive itself simulated, not a recording of a rig.
+
+It shows every part of the report without data of anybody else's. :mod:`baselines.sample.make` wrote it.
+"""
+
+from pathlib import Path
+
+FOLDER = Path(__file__).parent / "lab_day"

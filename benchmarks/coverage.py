@@ -1,0 +1,79 @@
+"""Round trip: simulate, identify, and count how often the truth lies inside the 95 % intervals.
+
+Every draw is a new drive with a new lab day of four squares and fourteen sines, encoder counts, raw-difference
+velocities, and a coloured disturbance force that the recorded command does not show.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from rich.progress import track
+from scipy.stats import binomtest
+
+from baselines.experiments import FREQUENCIES_HZ
+from flexdrive_gym import Drive, Excitation, Recording
+from flexdrive_gym.references import sine, square
+from identification.likelihood import identify_by_likelihood
+
+DRAWS = 100
+NAMES = ("m1", "m2", "b1", "b2", "d1", "d2", "k")
+QUANTUM = 0.0046592
+T = np.arange(8001) * 1e-3
+# a rough track: force noise of 30 mV rms with a correlation time of 50 ms
+FORCE_V, CORRELATION_S = 0.03, 0.05
+
+
+def random_drive(rng: np.random.Generator) -> Drive:
+    m1 = rng.uniform(4e-4, 8e-4)
+    b1 = rng.uniform(0.006, 0.012)
+    d1 = rng.uniform(0.25, 0.5)
+    return Drive(
+        {
+            "m1": m1,
+            "m2": m1 * rng.uniform(0.4, 0.6),
+            "b1": b1,
+            "b2": b1 * rng.uniform(0.1, 0.35),
+            "d1": d1,
+            "d2": d1 * rng.uniform(0.1, 0.6),
+            "k": rng.uniform(0.06, 0.12),
+            "encoder_quantisation.encoder_1.quantum": QUANTUM,
+            "encoder_quantisation.encoder_2.quantum": QUANTUM,
+        }
+    )
+
+
+def disturbed(drive: Drive, kind: str, amplitude: float, frequency: float, rng: np.random.Generator) -> Recording:
+    u = (square if kind == "square" else sine)(T, amplitude, frequency)
+    a = np.exp(-1e-3 / CORRELATION_S)
+    white = rng.normal(size=len(T)) * FORCE_V * np.sqrt(1 - a * a)
+    force = np.empty(len(T))
+    force[0] = FORCE_V * rng.normal()
+    for n in range(1, len(T)):
+        force[n] = a * force[n - 1] + white[n]
+    run = drive.simulate(T, u + force, name=f"{kind} {amplitude} {frequency} {rng.integers(1 << 30)}")
+    return replace(run, u=u, x1=None, x2=None, excitation=Excitation(kind, amplitude, frequency))  # type: ignore[arg-type]
+
+
+def lab_day(drive: Drive, rng: np.random.Generator) -> list[Recording]:
+    runs = [disturbed(drive, "square", a, 0.5, rng) for a in (1.5, 1.5, 2.0, 2.0)]
+    return runs + [disturbed(drive, "sine", 2.5, f, rng) for f in FREQUENCIES_HZ]
+
+
+def main(draws: int = DRAWS) -> None:
+    inside = dict.fromkeys(NAMES, 0)
+    errors: dict[str, list[float]] = {name: [] for name in NAMES}
+    for seed in track(range(draws), description="round trips"):
+        rng = np.random.default_rng(seed)
+        drive = random_drive(rng)
+        found = identify_by_likelihood(lab_day(drive, rng))
+        for name in NAMES:
+            low, high = found.drive.intervals[name]
+            inside[name] += low <= drive[name] <= high
+            errors[name].append(found.drive[name] / drive[name] - 1.0)
+    print(f"95 % intervals that hold the truth, {draws} draws (seeds 0 … {draws - 1})")
+    for name in NAMES:
+        ci = binomtest(inside[name], draws).proportion_ci(method="wilson")
+        print(
+            f"  {name:3s} {inside[name]:3d} of {draws}  [{ci.low:.0%}, {ci.high:.0%}]   "
+            f"rms error {100 * np.sqrt(np.mean(np.square(errors[name]))):.2f} %"
+        )

@@ -1,0 +1,49 @@
+"""Speed of the compiled step, as ratios against named peers, measured interleaved in one process."""
+
+import time
+
+import control
+import numpy as np
+
+from baselines.stability_limit import swings
+from flexdrive_gym import Drive
+from flexdrive_gym.references import square
+from tests.drive.drives import RIG
+from tests.drive.reference import TwoMasses
+
+T = np.arange(8001) * 1e-3
+
+
+def interleaved(jobs: dict[str, object], rounds: int) -> dict[str, float]:
+    """Median seconds of each job, the jobs taking turns so that a drifting machine hits all alike."""
+    times: dict[str, list[float]] = {name: [] for name in jobs}
+    for _ in range(rounds):
+        for name, job in jobs.items():
+            begin = time.perf_counter()
+            job()  # type: ignore[operator]
+            times[name].append(time.perf_counter() - begin)
+    return {name: float(np.median(values)) for name, values in times.items()}
+
+
+def main() -> None:
+    drive = Drive({**RIG, "saturation.limit": 8.0})
+    u = square(T, 1.5, 0.5)
+    plant = drive.linear.state_space()
+    inputs = np.vstack([u, np.zeros((2, len(u)))])
+    gains = np.geomspace(0.01, 0.5, 100)
+    jobs = {
+        "flexdrive, 8 s at 1 kHz with dry friction": lambda: drive.simulate(T, u),
+        "python-control forced_response, linear": lambda: control.forced_response(plant, T, inputs),
+        "flexdrive, sweep of 100 gains × 12 s": lambda: swings(drive, gains, "x2"),
+    }
+    for job in jobs.values():
+        job()  # compile, or load what was compiled
+    median = interleaved(jobs, 15)
+    begin = time.perf_counter()
+    TwoMasses(**RIG).run(T, u)
+    median["scipy DOP853, event-driven, same friction"] = time.perf_counter() - begin
+    own = median["flexdrive, 8 s at 1 kHz with dry friction"]
+    for name, seconds in median.items():
+        print(f"{name:45s} {1e3 * seconds:10.3f} ms   {seconds / own:8.1f} ×")
+    steps = len(gains) * 12000 / median["flexdrive, sweep of 100 gains × 12 s"]
+    print(f"closed-loop sweep: {steps / 1e6:.1f} million steps/s on one thread")

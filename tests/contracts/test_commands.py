@@ -1,0 +1,136 @@
+"""Every command: help, one JSON object, exit codes, and errors that name argument, rule and value."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from baselines.commands import app
+from baselines.experiments import open_loop
+from baselines.sample import FOLDER
+from flexdrive_gym import Drive, save_drive
+from identification import write_recording
+from tests.drive.drives import RIG
+
+COMMANDS = [command.callback.__name__ for command in app.registered_commands]
+
+
+def flexdrive(*arguments, cwd=None):
+    return subprocess.run(
+        [sys.executable, "-m", "baselines.commands", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=cwd,
+    )
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A few short recordings and a drive, as a user may have them."""
+    base = tmp_path_factory.mktemp("lab")
+    rig = Drive({**RIG, "saturation.limit": 8.0}, name="test rig")
+    save_drive(rig, base / "drive.toml")
+    for kind, amplitude, frequency in (
+        ("square", 1.5, 0.5),
+        ("square", 2.0, 0.5),
+        ("sine", 2.5, 1.0),
+        ("sine", 2.5, 3.0),
+    ):
+        run = open_loop(rig, kind, amplitude, frequency)
+        write_recording(run, base / "recordings" / f"{run.name}.csv")
+    return base
+
+
+def test_the_contract_names_every_command():
+    assert set(COMMANDS) == {"demo", "identify", "validate", "stability", "experiment", "report"}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help(command):
+    result = flexdrive(command, "--help")
+    assert result.returncode == 0
+    assert "--json" in result.stdout
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_wrong_usage_exits_2(command):
+    assert flexdrive(command, "--no-such-option").returncode == 2
+
+
+@pytest.mark.parametrize("command", [c for c in COMMANDS if c != "demo"])
+def test_a_missing_file_is_named_and_nothing_is_written(command, tmp_path):
+    result = flexdrive(command, "no/such/thing", "-o" if command != "stability" else "--gain", "1", cwd=tmp_path)
+    assert result.returncode == 2
+    assert "no/such/thing" in result.stderr.replace("\n", "")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("command", "arguments"),
+    [
+        ("identify", ["recordings", "-o", "out/drive.toml"]),
+        ("identify", ["recordings", "--method", "handout", "-o", "out/handout.toml"]),
+        ("validate", ["drive.toml", "recordings"]),
+        ("stability", ["drive.toml"]),
+        ("experiment", ["drive.toml", "-o", "out/day", "--frequency", "1", "--square", "1.5"]),
+        ("report", ["recordings", "-o", "out/report.html"]),
+    ],
+)
+def test_json_is_one_object(folder, command, arguments):
+    result = flexdrive(command, *arguments, "--json", cwd=folder)
+    assert result.returncode == 0, result.stderr
+    found = json.loads(result.stdout)
+    assert isinstance(found, dict)
+    assert "NaN" not in result.stdout
+    if command == "stability":
+        assert found["x2"]["unit"] == "V/mm"
+        assert found["x1"]["critical_gain_linear"] is None
+        assert found["x2"]["critical_gain_simulated"] > found["x2"]["critical_gain_linear"]
+    if command == "identify":
+        expected = {"bT", "b1", "b2", "dT", "d1", "d2", "p", "mT", "m1", "m2", "omega_d", "k", "zeta", "omega_n", "C"}
+        assert set(found["quantities"]) == expected
+
+
+@pytest.mark.parametrize(
+    ("content", "text"),
+    [
+        ("t_s,u_V,v1_mm_s\n0,1,x\n", "v1"),
+        ("t_s,v1_mm_s\n" + "\n".join(f"{i / 1000},1" for i in range(500)), "u"),
+        ("t_s,u_V,v1_mm_s\n" + "\n".join(f"{i / 1000},1,2" for i in range(20)), "0.2 s and 50 samples"),
+        ("", "no lines"),
+    ],
+)
+def test_bad_recordings_fail_with_a_sentence(tmp_path, content, text):
+    (tmp_path / "bad.csv").write_text(content)
+    result = flexdrive("identify", "bad.csv", "-o", "drive.toml", cwd=tmp_path)
+    assert result.returncode == 1
+    assert "bad.csv" in result.stderr
+    assert text in result.stderr
+    assert "Traceback" not in result.stderr
+    assert not (tmp_path / "drive.toml").exists()
+
+
+def test_a_bad_drive_fails_with_a_sentence(tmp_path):
+    (tmp_path / "drive.toml").write_text("schema = 1\n[parameters]\nm1 = {value = -1.0}\n")
+    result = flexdrive("stability", tmp_path / "drive.toml")
+    assert result.returncode == 1
+    assert "m1: must lie in" in result.stderr
+
+
+def test_experiments_can_be_identified_again(folder):
+    assert flexdrive("experiment", "drive.toml", "-o", "again", cwd=folder).returncode == 0
+    result = flexdrive("identify", "again", "-o", "again.toml", "--no-compare-tied", "--json", cwd=folder)
+    found = json.loads(result.stdout)["quantities"]
+    for name in ("m1", "m2", "b1", "d1", "k"):
+        assert found[name]["value"] == pytest.approx(RIG[name], rel=0.02)
+
+
+@pytest.mark.slow
+def test_demo_ends_with_a_report(tmp_path):
+    result = flexdrive("demo", "-o", tmp_path / "demo", "--json")
+    assert result.returncode == 0, result.stderr
+    page = (tmp_path / "demo" / "report.html").read_text()
+    assert "http" not in page.replace("http-equiv", "")  # self-contained
+    assert FOLDER.exists()
