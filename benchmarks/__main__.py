@@ -2,9 +2,9 @@
 
 import sys
 
-from benchmarks import accuracy, coverage, speed
+from benchmarks import accuracy, coverage, real_rigs, speed
 
-ALL = {"accuracy": accuracy.main, "speed": speed.main, "coverage": coverage.main}
+ALL = {"accuracy": accuracy.main, "speed": speed.main, "real_rigs": real_rigs.main, "coverage": coverage.main}
 
 
 def main() -> int:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from flexdrive_gym import Recording
+    from flexdrive_gym.recording import FloatArray
     from identification.frequency_response import FrequencyRow
 
 # periods of each sine that are shown, from the end of the run
@@ -184,9 +185,17 @@ def plot_sines(recordings: Sequence[Recording], *, natural_frequency: float | No
     return figure
 
 
+def _signals(run: Recording, *, positions: bool) -> list[FloatArray]:
+    if positions:
+        return [x for x in (run.x1, run.x2) if x is not None]
+    return velocities(run)
+
+
 @styled
 def plot_validation(measured: Recording, simulated: Recording, *, title: str = "") -> Figure:
-    """Plot simulated over measured velocities: v1 on top, v2 in the middle, u at the bottom (handout 3.3).
+    """Plot simulated over measured: cart 1 on top, cart 2 in the middle, u at the bottom (handout 3.3).
+
+    Velocities for open-loop runs; positions for P-control, with the reference and the simulated command.
 
     Parameters
     ----------
@@ -202,11 +211,15 @@ def plot_validation(measured: Recording, simulated: Recording, *, title: str = "
     matplotlib.figure.Figure
     """
     figure = new_figure(5.2)
-    both = list(zip(velocities(measured), velocities(simulated), strict=False))
+    positions = measured.closed_loop and measured.x1 is not None and simulated.x1 is not None
+    both = list(zip(*(_signals(run, positions=positions) for run in (measured, simulated)), strict=False))
     panels = figure.subplots(len(both) + 1, 1, sharex=True, height_ratios=[*[2.0] * len(both), 1.0])
     for cart, (axes, (real, model)) in enumerate(zip(panels[:-1], both, strict=True), start=1):
-        samples = round(0.015 / measured.sample_time) | 1
-        axes.plot(measured.t, real, color=style.MEASURED, alpha=0.35, linewidth=0.4)
+        samples = 1 if positions else round(0.015 / measured.sample_time) | 1
+        if positions and measured.xr is not None:
+            axes.plot(measured.t, measured.xr, color=style.REFERENCE, linestyle="--", label="reference $x_r$")
+        if not positions:
+            axes.plot(measured.t, real, color=style.MEASURED, alpha=0.35, linewidth=0.4)
         axes.plot(measured.t, moving_mean(real, samples), color=style.COMMAND, linewidth=0.8, label="measured")
         axes.plot(
             simulated.t,
@@ -217,8 +230,10 @@ def plot_validation(measured: Recording, simulated: Recording, *, title: str = "
             label="simulated",
         )
         shade_faults(axes, measured, f"encoder_{cart}")
-        axes.set_ylabel(f"velocity $v_{cart}$ [mm/s]")
+        axes.set_ylabel(f"position $x_{cart}$ [mm]" if positions else f"velocity $v_{cart}$ [mm/s]")
         legend_above(axes)
     _command(panels[-1], measured)
+    if positions:
+        panels[-1].plot(simulated.t, simulated.u, color=style.MEASURED, linestyle=":", label="simulated")
     heading(figure, title or f"{measured.name}: {measured.excitation}")
     return figure
