@@ -65,15 +65,17 @@ def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> 
     """Print a table; every column but the first is right-aligned if it holds numbers."""
     from rich.console import Console  # noqa: PLC0415  (keeps --help quick)
     from rich.table import Table  # noqa: PLC0415
+    from rich.text import Text  # noqa: PLC0415
 
-    sheet = Table(title=title, title_justify="left", title_style="bold", header_style="bold", box=None, pad_edge=False)
+    sheet = Table(title=Text(title), title_justify="left", title_style="bold", header_style="bold", box=None, pad_edge=False)
     body = [list(row) for row in rows]
     for i, name in enumerate(columns):
         texts = [row[i] for row in body]
         numeric = i > 0 and all(not text or text[0] in "-+–0123456789<>" for text in texts)
-        sheet.add_column(name, justify="right" if numeric else "left", overflow="fold")
+        # Text, because square brackets of units would be read as markup
+        sheet.add_column(Text(name), justify="right" if numeric else "left", overflow="fold")
     for row in body:
-        sheet.add_row(*row)
+        sheet.add_row(*(Text(cell) for cell in row))
     Console(width=None if Console().is_terminal else 140).print(sheet)
 
 
