@@ -82,9 +82,8 @@ def _percent(value: float) -> str:
 def _write_figures(folder: Path, drive: Drive, result: Validation, response: FrequencyTable | None) -> list[Path]:
     import io  # noqa: PLC0415
 
-    from identification.plots import plot_bode, plot_validation  # noqa: PLC0415
-
     from flexdrive_gym.files import write_atomically  # noqa: PLC0415
+    from identification.plots import plot_bode, plot_validation  # noqa: PLC0415
 
     figures = {f"overlay_{o.measured.name}.png": plot_validation(o.measured, o.simulated) for o in result.overlays}
     if response is not None and drive.carts == 2:

@@ -45,7 +45,13 @@ def compiled_before() -> bool:
 
 
 def inlined(function: Function) -> Function:
-    """Compile a small function that other kernels call; it is optimised into its callers."""
+    """Compile a function into its callers; a loop over such calls can be vectorised."""
+    done: Function = numba.njit(forceinline=True, **_OPTIONS)(function)
+    return done
+
+
+def called(function: Function) -> Function:
+    """Compile a function that kernels call; the compiler decides whether into its callers."""
     done: Function = numba.njit(**_OPTIONS)(function)
     return done
 

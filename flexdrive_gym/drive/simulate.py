@@ -176,7 +176,9 @@ def closed_loop(
     else:
         limit = values.get("saturation.limit", inf)
         reading = np.empty(4)
-        controller.reset()
+        reset = getattr(controller, "reset", None)  # a plain function has no past to forget
+        if reset is not None:
+            reset()
         kernels.begin(state, memory, z, p, reading)
         for i in range(len(t)):
             readings[:, i] = reading

@@ -33,7 +33,7 @@ from __future__ import annotations
 from math import exp, pi
 from typing import Any
 
-from flexdrive_gym.drive.compilation import inlined
+from flexdrive_gym.drive.compilation import called, inlined
 from flexdrive_gym.drive.effects import LAYOUT, chain
 
 MAX_EVENTS = 12
@@ -254,7 +254,7 @@ def smooth(
     )
 
 
-@inlined
+@called
 def crossing(v0: float, slope0: float, v1: float, slope1: float) -> float:
     """Return where in (0, 1) a cubic with these end values and slopes changes sign, v0 (or its slope) against v1.
 
@@ -307,7 +307,7 @@ def _commit(z: Any) -> None:
             z[i] = z[6 * n + i]
 
 
-@inlined
+@called
 def step(
     x1: float, v1: float, x2: float, v2: float, u: float, t: float, h: float, z: Any, p: Any
 ) -> tuple[float, float, float, float]:
@@ -366,7 +366,7 @@ def step(
     return x1, v1, x2, v2
 
 
-@inlined
+@called
 def _release_1(
     x1: float, v1: float, x2: float, v2: float, s2: float, u: float, t: float, left: float, z: Any, p: Any
 ) -> float:
@@ -384,7 +384,7 @@ def _release_1(
     return high
 
 
-@inlined
+@called
 def _release_2(
     x1: float, v1: float, x2: float, v2: float, s1: float, u: float, t: float, left: float, z: Any, p: Any
 ) -> float:
@@ -431,8 +431,9 @@ def advance(
     head = (int(memory[_HEAD]) + 1) % RING
     memory[_HEAD] = head
     memory[_COMMANDS + head] = u
-    whole = int(delay / sample_time)
-    part = delay - whole * sample_time
+    # a delay that is whole up to round-off is whole
+    whole = int(delay / sample_time + 1e-9)
+    part = max(delay - whole * sample_time, 0.0)
     older = memory[_COMMANDS + (head - whole - 1) % RING]
     newer = memory[_COMMANDS + (head - whole) % RING]
     h = part / substeps
@@ -446,12 +447,24 @@ def advance(
 
 
 @inlined
-def _velocity(reading: float, previous: float, filtered: float, cutoff: float, sample_time: float) -> float:
+def decay(cutoff: float, sample_time: float) -> float:
+    """Return the share a of its past that the velocity filter keeps per sample; 0 for the raw difference."""
+    return exp(-2.0 * pi * cutoff * sample_time) if cutoff > 0.0 else 0.0
+
+
+@inlined
+def velocity(reading: float, previous: float, filtered: float, a: float, sample_time: float) -> float:
+    """Return the velocity made from two readings and its own past [mm/s]."""
     raw = (reading - previous) / sample_time
-    if cutoff == 0.0:
-        return raw
-    a = exp(-2.0 * pi * cutoff * sample_time)
     return a * filtered + (1.0 - a) * raw
+
+
+@inlined
+def readings(x1: float, x2: float, t: float, z: Any, p: Any) -> tuple[float, float]:
+    """Return the positions that the encoders report [mm]."""
+    if z is None:
+        return _reading_1_base(x1, t, z, 0, p), _reading_2_base(x2, t, z, 0, p)
+    return _reading_1_full(x1, t, z, 0, p), _reading_2_full(x2, t, z, 0, p)
 
 
 @inlined
@@ -459,12 +472,9 @@ def measure(
     x1: float, x2: float, t: float, sample_time: float, memory: Any, z: Any, p: Any
 ) -> tuple[float, float, float, float]:
     """Return what the encoders report: positions [mm] and the velocities made from them [mm/s]."""
-    if z is None:
-        r1, r2 = _reading_1_base(x1, t, z, 0, p), _reading_2_base(x2, t, z, 0, p)
-    else:
-        r1, r2 = _reading_1_full(x1, t, z, 0, p), _reading_2_full(x2, t, z, 0, p)
-    q1 = _velocity(r1, memory[_PREVIOUS_1], memory[_FILTERED_1], p[CUTOFF_1], sample_time)
-    q2 = _velocity(r2, memory[_PREVIOUS_2], memory[_FILTERED_2], p[CUTOFF_2], sample_time)
+    r1, r2 = readings(x1, x2, t, z, p)
+    q1 = velocity(r1, memory[_PREVIOUS_1], memory[_FILTERED_1], decay(p[CUTOFF_1], sample_time), sample_time)
+    q2 = velocity(r2, memory[_PREVIOUS_2], memory[_FILTERED_2], decay(p[CUTOFF_2], sample_time), sample_time)
     memory[_PREVIOUS_1], memory[_PREVIOUS_2] = r1, r2
     memory[_FILTERED_1], memory[_FILTERED_2] = q1, q2
     return r1, r2, q1, q2
@@ -476,11 +486,9 @@ def power_up(
 ) -> tuple[float, float, float, float]:
     """Clear the memory of one drive that starts in the given state; return its first readings."""
     memory[:] = 0.0
-    if z is None:
-        r1, r2 = _reading_1_base(x1, 0.0, z, 0, p), _reading_2_base(x2, 0.0, z, 0, p)
-    else:
+    if z is not None:
         z[:] = 0.0
-        r1, r2 = _reading_1_full(x1, 0.0, z, 0, p), _reading_2_full(x2, 0.0, z, 0, p)
+    r1, r2 = readings(x1, x2, 0.0, z, p)
     memory[_PREVIOUS_1], memory[_PREVIOUS_2] = r1, r2
     memory[_FILTERED_1], memory[_FILTERED_2] = v1, v2
     return r1, r2, v1, v2

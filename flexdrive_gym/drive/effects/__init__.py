@@ -64,6 +64,7 @@ def _layout() -> dict[str, Slot]:
 
 LAYOUT: dict[str, Slot] = _layout()
 N_PARAMETERS = MASSES + len(LAYOUT)
+N_BASE_PARAMETERS = MASSES + sum(slot.effect.base for slot in LAYOUT.values())
 N_STATES = sum(len(item.states) * len(item.where) for item in EFFECTS)
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from math import floor
 from typing import Any
+
+import numpy as np
 
 from flexdrive_gym.drive.effects._effect import Effect, Parameter
 
@@ -12,7 +13,7 @@ def _reading(y: float, t: float, p: Any, o: int) -> float:  # noqa: ARG001
     q = p[o]
     if q == 0.0:
         return y
-    return q * floor(y / q + 0.5)
+    return q * np.floor(y / q + 0.5)
 
 
 EFFECT = Effect(
