@@ -17,7 +17,7 @@ import numpy as np
 
 from flexdrive_gym import Drive, Recording
 from flexdrive_gym.drive import kernels, parameters
-from flexdrive_gym.drive.step import MEMORY
+from flexdrive_gym.drive.step import WORK_SPACE
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.references import point_to_point
 
@@ -74,7 +74,7 @@ def swings(drive: Drive, gains: FloatArray, feedback: Feedback) -> FloatArray:
         round(_WINDOW_S / _SAMPLE_TIME_S),
         _SAMPLE_TIME_S,
         parameters.substeps(rig.values, _SAMPLE_TIME_S, _SAMPLE_TIME_S),
-        np.zeros(MEMORY),
+        np.zeros(WORK_SPACE),
         parameters.workspace(rig.values),
         rig.vector(),
         swing,

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexdrive_gym.drive import kernels, parameters
-from flexdrive_gym.drive.step import MEMORY
+from flexdrive_gym.drive.step import WORK_SPACE
 from flexdrive_gym.recording import BoolArray, Channel, FloatArray, Recording
 from identification.floor import period_samples, run_variance
 from identification.signals import velocities
@@ -112,7 +112,7 @@ def simulate_run(values: Mapping[str, float], run: Run, physics_step: float = 1e
         run.sample_time,
         steps,
         run.start,
-        np.zeros(MEMORY),
+        np.zeros(WORK_SPACE),
         parameters.workspace(values),
         p,
         readings,

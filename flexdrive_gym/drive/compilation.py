@@ -16,6 +16,8 @@ from typing import Any, TypeVar
 import numba
 import platformdirs
 from numba.core import config as _config
+from numba.core import types
+from numba.extending import intrinsic
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -51,9 +53,42 @@ def inlined(function: Function) -> Function:
 
 
 def called(function: Function) -> Function:
-    """Compile a function that kernels call; the compiler decides whether into its callers."""
-    done: Function = numba.njit(**_OPTIONS)(function)
+    """Compile a function that kernels call, and keep it out of them.
+
+    A rare, long branch inlined into a hot loop takes its registers: the loop over the common case then runs three times
+    slower. Said outright, because the compiler lets a callee inherit its caller's wish to be inlined.
+    """
+    done: Function = numba.njit(forceinline=False, **_OPTIONS)(function)
     return done
+
+
+def _pointer(typing_context: Any, array: Any) -> Any:  # noqa: ARG001
+    """Return the data pointer of a contiguous array, for the functions a kernel calls.
+
+    Arrays are counted references: passing one into a function costs atomic counting in every step of a loop, more than
+    the step itself. A pointer is not counted, so the kernel's caller must hold the array; it does, as the kernel's argument.
+    """
+    if isinstance(array, types.NoneType):
+        return types.none(array), lambda context, builder, signature, arguments: context.get_dummy_value()  # noqa: ARG005
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return context.make_array(signature.args[0])(context, builder, arguments[0]).data
+
+    return types.CPointer(array.dtype)(array), generate
+
+
+def _shifted(typing_context: Any, base: Any, offset: Any) -> Any:  # noqa: ARG001
+    """Return a pointer ``offset`` entries further on."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001
+        return builder.gep(arguments[0], [arguments[1]])
+
+    return base(base, types.intp), generate
+
+
+# the compiler's own types say that these return nothing
+pointer: Callable[[Any], Any] = intrinsic(_pointer)
+shifted: Callable[[Any, int], Any] = intrinsic(_shifted)
 
 
 def kernel(function: Function) -> Function:

@@ -2,15 +2,15 @@
 
 Each is a loop over samples around :func:`~flexdrive_gym.drive.step.advance` and
 :func:`~flexdrive_gym.drive.step.measure`; none holds an equation. ``z`` is ``None`` or the workspace of
-:mod:`~flexdrive_gym.drive.step`; ``memory`` is a float array of length ``MEMORY``.
+:mod:`~flexdrive_gym.drive.step`; ``memory`` is a float array of length ``WORK_SPACE``.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from flexdrive_gym.drive.compilation import kernel
-from flexdrive_gym.drive.step import W2, advance, limited, measure, power_up
+from flexdrive_gym.drive.compilation import kernel, pointer, shifted
+from flexdrive_gym.drive.step import MEMORY, W2, advance, limited, measure, power_up, tabulate
 
 
 @kernel
@@ -39,16 +39,19 @@ def run_open_loop(
         Written: the true x1, v1, x2, v2.
     """
     x1, v1, x2, v2 = start[0], start[1], start[2], start[3]
-    r1, r2, q1, q2 = power_up(x1, v1, x2, v2, memory, z, p)
+    q, m, w = pointer(p), pointer(memory), pointer(z)
+    table = shifted(m, MEMORY)
+    tabulate(sample_time / substeps, table, w, q)
+    r1, r2, s1, s2 = power_up(x1, v1, x2, v2, m, w, q)
     n = u.shape[0]
     for i in range(n):
-        readings[0, i], readings[1, i], readings[2, i], readings[3, i] = r1, r2, q1, q2
+        readings[0, i], readings[1, i], readings[2, i], readings[3, i] = r1, r2, s1, s2
         if states is not None:
             states[0, i], states[1, i], states[2, i], states[3, i] = x1, v1, x2, v2
         if i + 1 < n:
             t = i * sample_time
-            x1, v1, x2, v2 = advance(x1, v1, x2, v2, u[i], t, sample_time, substeps, memory, z, p)
-            r1, r2, q1, q2 = measure(x1, x2, t + sample_time, sample_time, memory, z, p)
+            x1, v1, x2, v2 = advance(x1, v1, x2, v2, u[i], t, sample_time, substeps, table, m, w, q)
+            r1, r2, s1, s2 = measure(x1, x2, t + sample_time, sample_time, m, w, q)
 
 
 @kernel
@@ -70,15 +73,18 @@ def run_p_control(
     ``readings`` (4, n) and ``u`` (n,) are written.
     """
     x1, v1, x2, v2 = start[0], start[1], start[2], start[3]
-    r1, r2, q1, q2 = power_up(x1, v1, x2, v2, memory, z, p)
+    q, m, w = pointer(p), pointer(memory), pointer(z)
+    table = shifted(m, MEMORY)
+    tabulate(sample_time / substeps, table, w, q)
+    r1, r2, s1, s2 = power_up(x1, v1, x2, v2, m, w, q)
     n = xr.shape[0]
     for i in range(n):
-        readings[0, i], readings[1, i], readings[2, i], readings[3, i] = r1, r2, q1, q2
-        u[i] = limited(gain * (xr[i] - (r1 if feedback == 1 else r2)), p)
+        readings[0, i], readings[1, i], readings[2, i], readings[3, i] = r1, r2, s1, s2
+        u[i] = limited(gain * (xr[i] - (r1 if feedback == 1 else r2)), q)
         if i + 1 < n:
             t = i * sample_time
-            x1, v1, x2, v2 = advance(x1, v1, x2, v2, u[i], t, sample_time, substeps, memory, z, p)
-            r1, r2, q1, q2 = measure(x1, x2, t + sample_time, sample_time, memory, z, p)
+            x1, v1, x2, v2 = advance(x1, v1, x2, v2, u[i], t, sample_time, substeps, table, m, w, q)
+            r1, r2, s1, s2 = measure(x1, x2, t + sample_time, sample_time, m, w, q)
 
 
 @kernel
@@ -99,41 +105,41 @@ def sweep_p_control(
     ``swing`` (number of gains,) is written.
     """
     n = xr.shape[0]
+    q, m, w = pointer(p), pointer(memory), pointer(z)
+    table = shifted(m, MEMORY)
+    tabulate(sample_time / substeps, table, w, q)
     for j in range(gains.shape[0]):
         gain = gains[j]
         x1, v1, x2, v2 = 0.0, 0.0, 0.0, 0.0
-        r1, r2, _q1, _q2 = power_up(x1, v1, x2, v2, memory, z, p)
+        r1, r2, _s1, _s2 = power_up(x1, v1, x2, v2, m, w, q)
         low, high = 1e300, -1e300
         for i in range(n):
             if i >= n - window:
                 x = x2 if p[W2] > 0.0 else x1
                 low, high = min(low, x), max(high, x)
-            u = limited(gain * (xr[i] - (r1 if feedback == 1 else r2)), p)
+            u = limited(gain * (xr[i] - (r1 if feedback == 1 else r2)), q)
             t = i * sample_time
-            x1, v1, x2, v2 = advance(x1, v1, x2, v2, u, t, sample_time, substeps, memory, z, p)
-            r1, r2, _q1, _q2 = measure(x1, x2, t + sample_time, sample_time, memory, z, p)
+            x1, v1, x2, v2 = advance(x1, v1, x2, v2, u, t, sample_time, substeps, table, m, w, q)
+            r1, r2, _s1, _s2 = measure(x1, x2, t + sample_time, sample_time, m, w, q)
         swing[j] = high - low
 
 
 @kernel
 def run_sample(
-    state: Any,
-    u: float,
-    t: float,
-    sample_time: float,
-    substeps: int,
-    memory: Any,
-    z: Any,
-    p: Any,
-    reading: Any,
+    state: Any, u: float, t: float, sample_time: float, substeps: int, memory: Any, z: Any, p: Any, reading: Any
 ) -> None:
-    """Advance one control sample; ``state`` (4,) is changed in place, ``reading`` (4,) is written."""
-    x1, v1, x2, v2 = advance(state[0], state[1], state[2], state[3], u, t, sample_time, substeps, memory, z, p)
+    """Advance one control sample after :func:`begin`; ``state`` (4,) is changed in place, ``reading`` (4,) is written."""
+    q, m, w = pointer(p), pointer(memory), pointer(z)
+    x1, v1, x2, v2 = advance(
+        state[0], state[1], state[2], state[3], u, t, sample_time, substeps, shifted(m, MEMORY), m, w, q
+    )
     state[0], state[1], state[2], state[3] = x1, v1, x2, v2
-    reading[0], reading[1], reading[2], reading[3] = measure(x1, x2, t + sample_time, sample_time, memory, z, p)
+    reading[0], reading[1], reading[2], reading[3] = measure(x1, x2, t + sample_time, sample_time, m, w, q)
 
 
 @kernel
-def begin(state: Any, memory: Any, z: Any, p: Any, reading: Any) -> None:
-    """Clear the memory of a drive in the given state and write its first readings."""
-    reading[0], reading[1], reading[2], reading[3] = power_up(state[0], state[1], state[2], state[3], memory, z, p)
+def begin(state: Any, sample_time: float, substeps: int, memory: Any, z: Any, p: Any, reading: Any) -> None:
+    """Clear the memory of a drive in the given state, tabulate its step, and write its first readings."""
+    q, m, w = pointer(p), pointer(memory), pointer(z)
+    tabulate(sample_time / substeps, shifted(m, MEMORY), w, q)
+    reading[0], reading[1], reading[2], reading[3] = power_up(state[0], state[1], state[2], state[3], m, w, q)

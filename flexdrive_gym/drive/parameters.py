@@ -91,7 +91,7 @@ def workspace(values: Mapping[str, float]) -> FloatArray | None:
     """Return the step's workspace, or ``None`` if only effects every drive has are present."""
     if all(name in MASS_PARAMETERS or LAYOUT[name].effect.base for name in values):
         return None
-    return np.zeros(7 * max(N_STATES, 1))
+    return np.zeros(7 * N_STATES)
 
 
 def substeps(values: Mapping[str, float], sample_time: float, physics_step: float) -> int:

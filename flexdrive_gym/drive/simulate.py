@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flexdrive_gym.drive import kernels, parameters
-from flexdrive_gym.drive.step import MEMORY, RING
+from flexdrive_gym.drive.step import RING, WORK_SPACE
 from flexdrive_gym.recording import Excitation, FloatArray, Recording
 
 Values = Mapping[str, float]
@@ -143,7 +143,7 @@ def open_loop(
         sample_time,
         steps,
         _start(start),
-        np.zeros(MEMORY),
+        np.zeros(WORK_SPACE),
         parameters.workspace(values),
         parameters.vector(values),
         readings,
@@ -165,7 +165,7 @@ def closed_loop(
     """Run the closed loop; see :meth:`flexdrive_gym.Drive.simulate_closed_loop`."""
     sample_time = float(np.mean(np.diff(t)))
     steps = _steps(values, sample_time, physics_step)
-    p, z, memory = parameters.vector(values), parameters.workspace(values), np.zeros(MEMORY)
+    p, z, memory = parameters.vector(values), parameters.workspace(values), np.zeros(WORK_SPACE)
     state = _start(start)
     readings, u = np.empty((4, len(t))), np.empty(len(t))
     excitation = Excitation("closed_loop", amplitude=float(np.max(np.abs(xr - xr[0]))))
@@ -179,7 +179,7 @@ def closed_loop(
         reset = getattr(controller, "reset", None)  # a plain function has no past to forget
         if reset is not None:
             reset()
-        kernels.begin(state, memory, z, p, reading)
+        kernels.begin(state, sample_time, steps, memory, z, p, reading)
         for i in range(len(t)):
             readings[:, i] = reading
             command = float(controller(Observation(float(t[i]), float(xr[i]), *map(float, reading))))

@@ -16,15 +16,15 @@ A step ends early at the first *event* inside it:
 * a sliding cart's velocity changes sign. The instant is the root of the cubic Hermite polynomial through the
   velocities and accelerations at both ends, exact to fourth order in h. The cart is put to v = 0 and either sticks or
   reverses;
-* a sticking cart's force leaves the set [-d, d] (or exceeds the breakaway level). The instant is found by a secant on
-  the excess of the force; the cart is released in the direction of that force.
+* a sticking cart's force leaves the set [-d, d] (or exceeds the breakaway level). The instant is found by a bracketed
+  secant on the margin of that force; the cart is released in its direction.
 
 So a cart at rest has exactly zero velocity (no creep), and the result depends on the step size only to the order of
 the scheme. Event-driven integration of dry friction: V. Acary, B. Brogliato, Numerical Methods for Nonsmooth
 Dynamical Systems, 2008, ch. 8.
 
 ``z is None`` selects, at compile time, the variant with the effects every drive has; otherwise ``z`` is a workspace
-of seven rows in one flat array, each as long as there are additional states: state, stage, four slopes, trial;
+(a pointer) of seven rows, each as long as there are additional states: state, stage, four slopes, trial;
 ``r`` is the start of the row to read.
 """
 
@@ -33,8 +33,8 @@ from __future__ import annotations
 from math import exp, pi
 from typing import Any
 
-from flexdrive_gym.drive.compilation import called, inlined
-from flexdrive_gym.drive.effects import LAYOUT, chain
+from flexdrive_gym.drive.compilation import called, inlined, shifted
+from flexdrive_gym.drive.effects import LAYOUT, N_PARAMETERS, N_STATES, chain
 
 MAX_EVENTS = 12
 RING = 64
@@ -43,6 +43,10 @@ MEMORY = 5 + RING
 _PREVIOUS_1, _PREVIOUS_2, _FILTERED_1, _FILTERED_2, _HEAD, _COMMANDS = 0, 1, 2, 3, 4, 5
 
 W1, W2 = 0, 1
+D1, D2 = LAYOUT["d1"].index, LAYOUT["d2"].index
+TABLE = 61
+# what a kernel's caller provides: the memory, then the table of the step and a parameter vector to make it with
+WORK_SPACE = MEMORY + TABLE + N_PARAMETERS
 LIMIT = LAYOUT["saturation.limit"].index
 DELAY = LAYOUT["input_delay.tau"].index
 CUTOFF_1 = LAYOUT["velocity_processing.encoder_1.cutoff"].index
@@ -138,23 +142,21 @@ def hold_2(x: float, s: float, fs: float, t: float, z: Any, r: int, p: Any) -> f
 
 
 @inlined
-def excess_1(x1: float, x2: float, v2: float, u: float, t: float, z: Any, r: int, p: Any) -> float:
-    """Return by how much the force on cart 1 at rest leaves the friction set, signed; 0 while it sticks [V]."""
+def margin_1(x1: float, x2: float, v2: float, u: float, t: float, z: Any, r: int, p: Any) -> tuple[float, float]:
+    """Return by how much the force on cart 1 at rest leaves the friction set [V], negative while held, and its sign."""
     fs = spring_force(x1 - x2, -v2, z, r, p)
     force = force_1(x1, 0.0, u, fs, t, z, r, p)
     s = 1.0 if force > 0.0 else -1.0
-    over = force * s - hold_1(x1, s, fs, t, z, r, p)
-    return over * s if over > 0.0 else 0.0
+    return force * s - hold_1(x1, s, fs, t, z, r, p), s
 
 
 @inlined
-def excess_2(x1: float, x2: float, v1: float, t: float, z: Any, r: int, p: Any) -> float:
-    """Return by how much the force on cart 2 at rest leaves the friction set, signed; 0 while it sticks [V]."""
+def margin_2(x1: float, x2: float, v1: float, t: float, z: Any, r: int, p: Any) -> tuple[float, float]:
+    """Return by how much the force on cart 2 at rest leaves the friction set [V], negative while held, and its sign."""
     fs = spring_force(x1 - x2, v1, z, r, p)
     force = force_2(x2, 0.0, fs, t, z, r, p)
     s = 1.0 if force > 0.0 else -1.0
-    over = force * s - hold_2(x2, s, fs, t, z, r, p)
-    return over * s if over > 0.0 else 0.0
+    return force * s - hold_2(x2, s, fs, t, z, r, p), s
 
 
 @inlined
@@ -182,7 +184,7 @@ def accelerations(
 def _width(z: Any) -> int:
     if z is None:
         return 0
-    return len(z) // 7
+    return N_STATES
 
 
 @inlined
@@ -255,6 +257,55 @@ def smooth(
 
 
 @called
+def tabulate(h: float, table: Any, z: Any, p: Any) -> None:
+    """Tabulate what :func:`smooth` does over h, for a drive with base effects only; write it to ``table``.
+
+    Such a drive is linear between events, so the integrator's answer to unit vectors says everything: applying the table
+    costs a quarter of integrating. The integrator itself fills the table, so there is still one physics.
+
+    For both sliding, cart 1 sticking, cart 2 sticking: rows of x1 - x1(0), v1, x2 - x2(0), v2 over columns δ, v1, v2,
+    force on cart 1, force on cart 2; then h. Work space for a parameter vector follows.
+    """
+    if z is not None:
+        return
+    for i in range(TABLE):
+        table[i] = 0.0
+    free = shifted(table, TABLE)
+    for i in range(N_PARAMETERS):
+        free[i] = p[i]
+    free[D1], free[D2] = 0.0, 0.0
+    for mode in range(3):
+        s1, s2 = (0.0 if mode == 1 else 1.0), (0.0 if mode == 2 else 1.0)
+        for column in range(5):
+            x1 = 1.0 if column == 0 else 0.0
+            v1 = 1.0 if column == 1 and mode != 1 else 0.0
+            v2 = 1.0 if column == 2 and mode != 2 else 0.0
+            u = 1.0 if column == 3 else 0.0
+            # a force on cart 2 is friction of -1 V
+            free[D2] = -1.0 if column == 4 else 0.0
+            y1, w1, y2, w2, _a1, _a2 = smooth(x1, v1, 0.0, v2, s1, s2, u, 0.0, h, None, free)
+            table[20 * mode + column] = y1 - x1
+            table[20 * mode + 5 + column] = w1
+            table[20 * mode + 10 + column] = y2
+            table[20 * mode + 15 + column] = w2
+    table[60] = h
+
+
+@inlined
+def leap(
+    m: int, x1: float, v1: float, x2: float, v2: float, f1: float, f2: float, table: Any
+) -> tuple[float, float, float, float]:
+    """Apply the table that begins at m to a state and the forces besides spring and dampers [V]."""
+    d = x1 - x2
+    return (
+        x1 + (table[m] * d + table[m + 1] * v1 + table[m + 2] * v2 + table[m + 3] * f1 + table[m + 4] * f2),
+        table[m + 5] * d + table[m + 6] * v1 + table[m + 7] * v2 + table[m + 8] * f1 + table[m + 9] * f2,
+        x2 + (table[m + 10] * d + table[m + 11] * v1 + table[m + 12] * v2 + table[m + 13] * f1 + table[m + 14] * f2),
+        table[m + 15] * d + table[m + 16] * v1 + table[m + 17] * v2 + table[m + 18] * f1 + table[m + 19] * f2,
+    )
+
+
+@called
 def crossing(v0: float, slope0: float, v1: float, slope1: float) -> float:
     """Return where in (0, 1) a cubic with these end values and slopes changes sign, v0 (or its slope) against v1.
 
@@ -285,18 +336,12 @@ def crossing(v0: float, slope0: float, v1: float, slope1: float) -> float:
 
 
 @inlined
-def _direction(v: float, released: float, excess: float) -> float:
-    if v > 0.0:
-        return 1.0
-    if v < 0.0:
-        return -1.0
+def _direction(v: float, released: float, margin: float, sign: float) -> float:
+    if v != 0.0:
+        return 1.0 if v > 0.0 else -1.0
     if released != 0.0:
         return released
-    if excess > 0.0:
-        return 1.0
-    if excess < 0.0:
-        return -1.0
-    return 0.0
+    return sign if margin > 0.0 else 0.0
 
 
 @inlined
@@ -307,58 +352,94 @@ def _commit(z: Any) -> None:
             z[i] = z[6 * n + i]
 
 
-@called
+@inlined
 def step(
-    x1: float, v1: float, x2: float, v2: float, u: float, t: float, h: float, z: Any, p: Any
+    x1: float, v1: float, x2: float, v2: float, u: float, t: float, h: float, table: Any, z: Any, p: Any
 ) -> tuple[float, float, float, float]:
     """Advance the drive by h seconds under a constant force u; return x1, v1, x2, v2."""
+    y1, w1, y2, w2, sliding = x1, v1, x2, v2, False
+    if z is None:
+        s1, s2 = (1.0 if v1 > 0.0 else -1.0), (1.0 if v2 > 0.0 else -1.0)
+        f1, f2 = u - s1 * level_1(x1, v1, s1, 0.0, t, z, 0, p), -s2 * level_2(x2, v2, s2, 0.0, t, z, 0, p)
+        y1, w1, y2, w2 = leap(0, x1, v1, x2, v2, f1, f2, table)
+        sliding = v1 != 0.0 and v2 != 0.0 and s1 * w1 > 0.0 and s2 * w2 > 0.0 and h == table[60]
+    if not sliding:
+        y1, w1, y2, w2 = step_through_events(x1, v1, x2, v2, u, t, h, table, z, p)
+    return y1, w1, y2, w2
+
+
+@inlined
+def _piece(
+    x1: float,
+    v1: float,
+    x2: float,
+    v2: float,
+    s1: float,
+    s2: float,
+    u: float,
+    t: float,
+    h: float,
+    table: Any,
+    z: Any,
+    p: Any,
+) -> tuple[float, float, float, float]:
+    """Integrate one smooth piece, by the table where it fits."""
+    if z is None and h == table[60] and (s1 != 0.0 or s2 != 0.0):
+        mode = 20 if s1 == 0.0 else 40 if s2 == 0.0 else 0
+        f1, f2 = u - s1 * level_1(x1, v1, s1, 0.0, t, z, 0, p), -s2 * level_2(x2, v2, s2, 0.0, t, z, 0, p)
+        return leap(mode, x1, v1, x2, v2, f1, f2, table)
+    y1, w1, y2, w2, _a1, _a2 = smooth(x1, v1, x2, v2, s1, s2, u, t, h, z, p)
+    return y1, w1, y2, w2
+
+
+@called
+def step_through_events(
+    x1: float, v1: float, x2: float, v2: float, u: float, t: float, h: float, table: Any, z: Any, p: Any
+) -> tuple[float, float, float, float]:
+    """Advance the drive by h seconds, piece by piece from event to event; see the module's notes."""
     left = h
     released_1, released_2 = 0.0, 0.0
     trial = 6 * _width(z)
     for attempt in range(MAX_EVENTS):
-        over_1 = excess_1(x1, x2, v2, u, t, z, 0, p) if v1 == 0.0 else 0.0
-        over_2 = excess_2(x1, x2, v1, t, z, 0, p) if v2 == 0.0 else 0.0
-        s1 = _direction(v1, released_1, over_1)
-        s2 = _direction(v2, released_2, over_2)
-        y1, w1, y2, w2, a1, a2 = smooth(x1, v1, x2, v2, s1, s2, u, t, left, z, p)
+        held_1, sign_1 = margin_1(x1, x2, v2, u, t, z, 0, p) if v1 == 0.0 else (0.0, 0.0)
+        held_2, sign_2 = margin_2(x1, x2, v1, t, z, 0, p) if v2 == 0.0 else (0.0, 0.0)
+        s1 = _direction(v1, released_1, held_1, sign_1)
+        s2 = _direction(v2, released_2, held_2, sign_2)
+        y1, w1, y2, w2 = _piece(x1, v1, x2, v2, s1, s2, u, t, left, table, z, p)
 
         # events of the trial: a sliding cart came back through zero, a sticking cart can no longer be held
         stop_1, stop_2 = s1 * w1 < 0.0, s2 * w2 < 0.0
-        free_1 = excess_1(y1, y2, w2, u, t + left, z, trial, p) if s1 == 0.0 else 0.0
-        free_2 = excess_2(y1, y2, w1, t + left, z, trial, p) if s2 == 0.0 and p[W2] > 0.0 else 0.0
-        if attempt == MAX_EVENTS - 1 or not (stop_1 or stop_2 or free_1 != 0.0 or free_2 != 0.0):
-            if stop_1:
-                w1 = 0.0
-            if stop_2:
-                w2 = 0.0
+        over_1, free_1 = margin_1(y1, y2, w2, u, t + left, z, trial, p) if s1 == 0.0 else (0.0, 0.0)
+        over_2, free_2 = margin_2(y1, y2, w1, t + left, z, trial, p) if s2 == 0.0 and p[W2] > 0.0 else (0.0, 0.0)
+        loose_1, loose_2 = over_1 > 0.0, over_2 > 0.0
+        if attempt == MAX_EVENTS - 1 or not (stop_1 or stop_2 or loose_1 or loose_2):
             _commit(z)
-            return y1, w1, y2, w2
+            return y1, 0.0 if stop_1 else w1, y2, 0.0 if stop_2 else w2
 
         theta_1, theta_2 = 2.0, 2.0
         if stop_1 or stop_2:
+            a1, a2 = accelerations(x1, v1, x2, v2, s1, s2, u, t, z, 0, p)
             e1, e2 = accelerations(y1, w1, y2, w2, s1, s2, u, t + left, z, trial, p)
             if stop_1:
                 theta_1 = crossing(v1, a1 * left, w1, e1 * left)
             if stop_2:
                 theta_2 = crossing(v2, a2 * left, w2, e2 * left)
-        if free_1 != 0.0:
-            theta_1 = _release_1(x1, v1, x2, v2, s2, u, t, left, z, p)
-        if free_2 != 0.0:
-            theta_2 = _release_2(x1, v1, x2, v2, s1, u, t, left, z, p)
+        if loose_1:
+            theta_1 = _release(1, held_1, over_1, x1, v1, x2, v2, s2, u, t, left, z, p)
+        if loose_2:
+            theta_2 = _release(2, held_2, over_2, x1, v1, x2, v2, s1, u, t, left, z, p)
 
         theta = min(theta_1, theta_2)
         h_event = theta * left
-        x1, v1, x2, v2, a1, a2 = smooth(x1, v1, x2, v2, s1, s2, u, t, h_event, z, p)
+        x1, v1, x2, v2, _a1, _a2 = smooth(x1, v1, x2, v2, s1, s2, u, t, h_event, z, p)
         _commit(z)
         released_1, released_2 = 0.0, 0.0
         if theta_1 <= theta:
             v1 = 0.0
-            if free_1 != 0.0:
-                released_1 = 1.0 if free_1 > 0.0 else -1.0
+            released_1 = free_1 if loose_1 else 0.0
         if theta_2 <= theta:
             v2 = 0.0
-            if free_2 != 0.0:
-                released_2 = 1.0 if free_2 > 0.0 else -1.0
+            released_2 = free_2 if loose_2 else 0.0
         t += h_event
         left -= h_event
         if left <= 0.0:
@@ -367,37 +448,49 @@ def step(
 
 
 @called
-def _release_1(
-    x1: float, v1: float, x2: float, v2: float, s2: float, u: float, t: float, left: float, z: Any, p: Any
+def _release(
+    cart: int,
+    before: float,
+    after: float,
+    x1: float,
+    v1: float,
+    x2: float,
+    v2: float,
+    s_other: float,
+    u: float,
+    t: float,
+    left: float,
+    z: Any,
+    p: Any,
 ) -> float:
-    # bisection on "held or not": an event is rare, and the excess has no sign while the cart sticks
-    low, high = 0.0, 1.0
-    for _ in range(40):
-        theta = 0.5 * (low + high)
-        y1, _w1, y2, w2, _a1, _a2 = smooth(x1, v1, x2, v2, 0.0, s2, u, t, theta * left, z, p)
-        if excess_1(y1, y2, w2, u, t + theta * left, z, 6 * _width(z), p) != 0.0:
-            high = theta
-        else:
-            low = theta
-        if high - low < 1e-9:
-            break
-    return high
+    """Return the fraction of the piece after which a sticking cart tears loose: a bracketed secant on its margin.
 
-
-@called
-def _release_2(
-    x1: float, v1: float, x2: float, v2: float, s1: float, u: float, t: float, left: float, z: Any, p: Any
-) -> float:
-    low, high = 0.0, 1.0
+    The Illinois variant of regula falsi; the margin is smooth, so a few passes reach round-off.
+    """
+    low, high, trial = 0.0, 1.0, 6 * _width(z)
+    side = 0
     for _ in range(40):
-        theta = 0.5 * (low + high)
-        y1, w1, y2, _w2, _a1, _a2 = smooth(x1, v1, x2, v2, s1, 0.0, u, t, theta * left, z, p)
-        if excess_2(y1, y2, w1, t + theta * left, z, 6 * _width(z), p) != 0.0:
-            high = theta
+        theta = (low * after - high * before) / (after - before) if after > before else 0.5 * (low + high)
+        if not low < theta < high:
+            theta = 0.5 * (low + high)
+        s1, s2 = (0.0, s_other) if cart == 1 else (s_other, 0.0)
+        y1, w1, y2, w2, _a1, _a2 = smooth(x1, v1, x2, v2, s1, s2, u, t, theta * left, z, p)
+        if cart == 1:
+            value, _s = margin_1(y1, y2, w2, u, t + theta * left, z, trial, p)
         else:
-            low = theta
-        if high - low < 1e-9:
-            break
+            value, _s = margin_2(y1, y2, w1, t + theta * left, z, trial, p)
+        if abs(value) < 1e-14 or high - low < 1e-12:
+            return theta
+        if value > 0.0:
+            high, after = theta, value
+            if side == 1:
+                before *= 0.5
+            side = 1
+        else:
+            low, before = theta, value
+            if side == -1:
+                after *= 0.5
+            side = -1
     return high
 
 
@@ -411,6 +504,7 @@ def advance(
     t: float,
     sample_time: float,
     substeps: int,
+    table: Any,
     memory: Any,
     z: Any,
     p: Any,
@@ -425,7 +519,7 @@ def advance(
     if delay == 0.0:
         h = sample_time / substeps
         for i in range(substeps):
-            x1, v1, x2, v2 = step(x1, v1, x2, v2, u, t + i * h, h, z, p)
+            x1, v1, x2, v2 = step(x1, v1, x2, v2, u, t + i * h, h, table, z, p)
         return x1, v1, x2, v2
 
     head = (int(memory[_HEAD]) + 1) % RING
@@ -439,10 +533,10 @@ def advance(
     h = part / substeps
     if part > 0.0:
         for i in range(substeps):
-            x1, v1, x2, v2 = step(x1, v1, x2, v2, older, t + i * h, h, z, p)
+            x1, v1, x2, v2 = step(x1, v1, x2, v2, older, t + i * h, h, table, z, p)
     h = (sample_time - part) / substeps
     for i in range(substeps):
-        x1, v1, x2, v2 = step(x1, v1, x2, v2, newer, t + part + i * h, h, z, p)
+        x1, v1, x2, v2 = step(x1, v1, x2, v2, newer, t + part + i * h, h, table, z, p)
     return x1, v1, x2, v2
 
 
@@ -485,9 +579,11 @@ def power_up(
     x1: float, v1: float, x2: float, v2: float, memory: Any, z: Any, p: Any
 ) -> tuple[float, float, float, float]:
     """Clear the memory of one drive that starts in the given state; return its first readings."""
-    memory[:] = 0.0
+    for i in range(MEMORY):
+        memory[i] = 0.0
     if z is not None:
-        z[:] = 0.0
+        for i in range(7 * N_STATES):
+            z[i] = 0.0
     r1, r2 = readings(x1, x2, 0.0, z, p)
     memory[_PREVIOUS_1], memory[_PREVIOUS_2] = r1, r2
     memory[_FILTERED_1], memory[_FILTERED_2] = v1, v2

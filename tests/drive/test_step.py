@@ -110,7 +110,8 @@ def test_frictionless_drive_is_its_linear_model():
 
 def test_variant_with_every_effect_agrees_when_they_are_null():
     u = EXCITATIONS["stick-slip sine 0.9 V 1 Hz"]
-    assert np.array_equal(true_states(Drive(RIG), u), true_states(Drive(RIG), u, full=True))
+    # one integrates by table, the other piece by piece: equal up to round-off
+    assert np.allclose(true_states(Drive(RIG), u), true_states(Drive(RIG), u, full=True), rtol=0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("tau", [1e-3, 2.5e-3, 0.4e-3])

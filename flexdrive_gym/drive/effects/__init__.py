@@ -65,7 +65,8 @@ def _layout() -> dict[str, Slot]:
 LAYOUT: dict[str, Slot] = _layout()
 N_PARAMETERS = MASSES + len(LAYOUT)
 N_BASE_PARAMETERS = MASSES + sum(slot.effect.base for slot in LAYOUT.values())
-N_STATES = sum(len(item.states) * len(item.where) for item in EFFECTS)
+# at least one, so that the work space of the full variant has rows
+N_STATES = max(1, sum(len(item.states) * len(item.where) for item in EFFECTS))
 
 
 def effect(name: str) -> Effect:
