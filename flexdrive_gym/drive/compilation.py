@@ -74,7 +74,8 @@ def _pointer(typing_context: Any, array: Any) -> Any:  # noqa: ARG001
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return context.make_array(signature.args[0])(context, builder, arguments[0]).data
 
-    return types.CPointer(array.dtype)(array), generate
+    of: Any = types.CPointer
+    return of(array.dtype)(array), generate
 
 
 def _shifted(typing_context: Any, base: Any, offset: Any) -> Any:  # noqa: ARG001
@@ -86,9 +87,9 @@ def _shifted(typing_context: Any, base: Any, offset: Any) -> Any:  # noqa: ARG00
     return base(base, types.intp), generate
 
 
-# the compiler's own types say that these return nothing
-pointer: Callable[[Any], Any] = intrinsic(_pointer)
-shifted: Callable[[Any, int], Any] = intrinsic(_shifted)
+_intrinsic: Any = intrinsic  # its own types say that what it makes returns nothing
+pointer: Callable[[Any], Any] = _intrinsic(_pointer)
+shifted: Callable[[Any, int], Any] = _intrinsic(_shifted)
 
 
 def kernel(function: Function) -> Function:
