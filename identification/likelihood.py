@@ -330,6 +330,12 @@ def _result(
         for name, v, s in zip(fit.names, (values[n] for n in fit.names), spread, strict=True)
     }
     remarks = list(notes)
+    unknown = [n for n, (low, high) in intervals.items() if high - low > 2.0 * values[n]]
+    if unknown:
+        remarks.append(
+            f"{', '.join(unknown)}: not identifiable from these recordings (the interval is wider than twice the value); "
+            "add squares at two amplitudes and sines around the resonance"
+        )
     remarks += [f"{n} rests at its bound 0" for n in fit.names if n not in _LOGARITHMIC and values[n] < 1e-8]
     drive = Drive(
         values,

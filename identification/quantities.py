@@ -72,7 +72,8 @@ def ratios(drive: Drive) -> dict[str, float]:
     if drive.carts == 1:
         return {}
     pairs = {"alpha": ("m2", "m1"), "beta": ("b2", "b1"), "gamma": ("d2", "d1")}
-    return {n: drive[a] / drive[b] if drive[b] > 0.0 else float("nan") for n, (a, b) in pairs.items()}
+    # a friction that rests at its bound is zero up to the optimiser's distance from it
+    return {n: drive[a] / drive[b] if drive[b] > 1e-3 * drive[a] else float("nan") for n, (a, b) in pairs.items()}
 
 
 def derived_quantities(

@@ -149,7 +149,7 @@ def validate(drive: Drive, recordings: Sequence[Recording]) -> Validation:
             floor = floors.get((measured.name, int(name[1])), float("nan")) if name.startswith("v") else float("nan")
             fit = _fit(measured, name, y, y_hat, keep, floor)
             fits.append(fit)
-            if name.startswith("v"):
+            if name.startswith("v") and keep.any():
                 squares, n = squares + fit.rms**2 * keep.sum(), n + int(keep.sum())
                 if np.isfinite(floor):
                     floor_squares, floor_n = floor_squares + floor**2 * keep.sum(), floor_n + int(keep.sum())

@@ -55,10 +55,17 @@ def identify(
             tied = identify_by_likelihood(runs, ties=HANDOUT_RATIOS, threads=threads)
         bar.update(task, advance=1)
     save_drive(found.drive, output)
+    remarks = [f"{r.name}: {note}" for r in runs for note in r.notes]
+    remarks += [
+        f"{r.name}: {f.where} {f.id}, {f.start_s:.3f} to {f.end_s:.3f} s, left out"
+        for r in runs
+        for f in r.faults
+        if f.id != "saturation"
+    ]
     if json:
-        print_json(_as_json(found, tied, output))
+        print_json(_as_json(found, tied, output) | {"recording_notes": remarks})
         return
-    _print(found, tied, output)
+    _print(found, tied, output, remarks)
 
 
 def _as_json(found: Identification, tied: MaximumLikelihood | None, output: Path) -> dict[str, object]:
@@ -81,7 +88,7 @@ def _as_json(found: Identification, tied: MaximumLikelihood | None, output: Path
     return result
 
 
-def _print(found: Identification, tied: MaximumLikelihood | None, output: Path) -> None:
+def _print(found: Identification, tied: MaximumLikelihood | None, output: Path, remarks: list[str]) -> None:
     from identification import MaximumLikelihood  # noqa: PLC0415
     from identification.likelihood import improvement  # noqa: PLC0415
 
@@ -104,6 +111,6 @@ def _print(found: Identification, tied: MaximumLikelihood | None, output: Path) 
                 f"with the handout's ratios held: {tied.rms:.2f} mm/s; freeing them cuts the squared error by "
                 f"{100.0 * improvement(tied, result):.0f} %"
             )
-    for note in result.notes:
+    for note in [*result.notes, *remarks]:
         say(f"note: {note}")
     say(f"wrote {output}")
