@@ -2,9 +2,15 @@
 
 import sys
 
-from benchmarks import accuracy, coverage, real_rigs, speed
+from benchmarks import accuracy, coverage, environment, real_rigs, speed
 
-ALL = {"accuracy": accuracy.main, "speed": speed.main, "real_rigs": real_rigs.main, "coverage": coverage.main}
+ALL = {
+    "accuracy": accuracy.main,
+    "speed": speed.main,
+    "environment": environment.main,
+    "real_rigs": real_rigs.main,
+    "coverage": coverage.main,
+}
 
 
 def main() -> int:

@@ -87,9 +87,29 @@ def _shifted(typing_context: Any, base: Any, offset: Any) -> Any:  # noqa: ARG00
     return base(base, types.intp), generate
 
 
+def _pointer_to(kind: Any) -> Any:
+    def at(typing_context: Any, address: Any) -> Any:  # noqa: ARG001
+        of: Any = types.CPointer
+        signature = of(kind)(types.intp)
+
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+
+        return signature, generate
+
+    return _intrinsic(at)
+
+
 _intrinsic: Any = intrinsic  # its own types say that what it makes returns nothing
 pointer: Callable[[Any], Any] = _intrinsic(_pointer)
 shifted: Callable[[Any, int], Any] = _intrinsic(_shifted)
+# pointers from the addresses of arrays that the caller holds: one argument for many arrays, whose unpacking at every call
+# would take longer than a step
+floats_at: Callable[[int], Any] = _pointer_to(types.float64)
+singles_at: Callable[[int], Any] = _pointer_to(types.float32)
+integers_at: Callable[[int], Any] = _pointer_to(types.int64)
+naturals_at: Callable[[int], Any] = _pointer_to(types.uint64)
+flags_at: Callable[[int], Any] = _pointer_to(types.uint8)
 
 
 def kernel(function: Function) -> Function:

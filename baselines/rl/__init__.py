@@ -1,0 +1,1 @@
+"""Reinforcement learning on the drive; the only place that imports torch and Stable-Baselines3."""

@@ -1,0 +1,73 @@
+"""Steps per second of the environments as ratios to Gymnasium's own, taking turns in one process on one thread."""
+
+import gymnasium
+import numpy as np
+
+import flexdrive_gym  # noqa: F401  (registers the environments)
+from benchmarks.speed import interleaved
+
+ID = "FlexDrive-NonCollocated-v0"
+SINGLE_STEPS, SAMPLES = 20_000, 16
+AIMS = {
+    ("1 ms", 64): 15.0, ("1 ms", 1024): 6.0, ("1 ms", 16384): 4.0,
+    ("5 ms", 64): 12.0, ("5 ms", 1024): 2.5, ("5 ms", 16384): 1.5,
+}  # fmt: skip
+
+
+def single(env: gymnasium.Env) -> object:
+    """A job of many steps with random actions and resets."""
+    env.reset(seed=0)
+    env.action_space.seed(0)
+    actions = [env.action_space.sample() for _ in range(SAMPLES)]
+
+    def job() -> None:
+        for i in range(SINGLE_STEPS):
+            _o, _r, terminated, truncated, _i = env.step(actions[i % SAMPLES])
+            if terminated or truncated:
+                env.reset()
+
+    return job
+
+
+def batch(env: gymnasium.vector.VectorEnv, calls: int) -> object:
+    env.reset(seed=0)
+    env.action_space.seed(0)
+    actions = [env.action_space.sample() for _ in range(SAMPLES)]
+
+    def job() -> None:
+        for i in range(calls):
+            env.step(actions[i % SAMPLES])
+
+    return job
+
+
+def main() -> None:
+    jobs = {name: single(gymnasium.make(name)) for name in (ID, "CartPole-v1", "Pendulum-v1")}
+    for job in jobs.values():
+        job()  # type: ignore[operator]
+    seconds = interleaved(jobs, 7)
+    own = SINGLE_STEPS / seconds[ID]
+    for peer, aim in (("CartPole-v1", 8.0), ("Pendulum-v1", 12.0)):
+        ratio = own / (SINGLE_STEPS / seconds[peer])
+        print(f"single, 5 ms: {own / 1e3:7.0f}k steps/s, {ratio:5.2f} × {peer} (aim {aim:g})")
+    for (label, n), aim in AIMS.items():
+        period = 1e-3 if label == "1 ms" else 5e-3
+        calls = max(20, 200_000 // n)
+        pair = {
+            "own": batch(_batched(ID, n, control_period=period), calls),
+            "peer": batch(_batched("CartPole-v1", n), calls),
+        }
+        for job in pair.values():
+            job()  # type: ignore[operator]
+        times = interleaved(pair, 7)
+        rate, ratio = n * calls / times["own"], times["peer"] / times["own"]
+        print(f"{n:6d} × {label}: {rate / 1e6:6.2f}M steps/s, {ratio:5.2f} × CartPole's batch (aim {aim:g})")
+
+
+def _batched(name: str, n: int, **arguments: float) -> gymnasium.vector.VectorEnv:
+    return gymnasium.make_vec(name, num_envs=n, vectorization_mode="vector_entry_point", **arguments)
+
+
+if __name__ == "__main__":
+    np.seterr(all="raise")
+    main()

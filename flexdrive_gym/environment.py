@@ -1,0 +1,225 @@
+"""The flexible drive as a Gymnasium environment."""
+
+from __future__ import annotations
+
+import sys
+from math import nan
+from typing import TYPE_CHECKING, Any, Literal, cast
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+from gymnasium import spaces
+
+from flexdrive_gym.drive import fleet as kernels
+from flexdrive_gym.drive.compilation import compiled_before
+from flexdrive_gym.drive.drive import Drive
+from flexdrive_gym.drive.linear import LinearDrive
+from flexdrive_gym.fleet import Fleet
+from flexdrive_gym.task import Task
+
+if TYPE_CHECKING:
+    from flexdrive_gym.rendering import Renderer
+
+Observation = npt.NDArray[np.float32]
+Info = dict[str, Any]
+RENDER_MODES = ("human", "rgb_array", "ansi")
+WINDOW_FPS = 50
+
+
+def action_space() -> Any:
+    """Return the space of actions: command over the voltage limit."""
+    return spaces.Box(-1.0, 1.0, (1,), np.float32)
+
+
+def observation_space(fleet: Fleet) -> Any:
+    """Return the space of one drive's observations; every entry has a finite, symmetric bound."""
+    return spaces.Box(-fleet.bound, fleet.bound, dtype=np.float32)
+
+
+def announce_compilation() -> None:
+    """Say once, on standard error, that the first use compiles."""
+    if not compiled_before():
+        sys.stderr.write("flexdrive: compiling the drive once; this takes about half a minute and is cached\n")
+
+
+class FlexDriveEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
+    """Track a reference with the drive's second cart (the only one of a rigid drive).
+
+    Action: command u over the voltage limit, in [-1, 1]. Observation: see :meth:`Task.names` and
+    ``docs/environment.md``. The episode *terminates* when a cart leaves the travel or the spring its stroke, and is
+    *truncated* at the time limit. ``info`` carries true states, readings, command, reference and error in physical units,
+    and every term of the reward.
+
+    Parameters
+    ----------
+    render_mode
+        ``human``, ``rgb_array``, ``ansi`` or ``None``.
+    **arguments
+        Of :class:`~flexdrive_gym.task.Task`.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 200}  # noqa: RUF012
+
+    def __init__(self, render_mode: str | None = None, **arguments: Any) -> None:
+        if render_mode is not None and render_mode not in RENDER_MODES:
+            raise ValueError(f"render_mode: must be None, {', '.join(RENDER_MODES)}; got {render_mode!r}.")
+        announce_compilation()
+        self.task = Task(**arguments)
+        # a picture per step is what recorders take, so a video plays in real time at this rate
+        self.metadata = {**type(self).metadata, "render_fps": round(1.0 / self.task.control_period)}
+        self.render_mode = render_mode
+        self._arguments = arguments
+        self._build()
+
+    def _build(self) -> None:
+        self._fleet = Fleet(self.task, 1)
+        self.action_space = action_space()
+        self.observation_space = observation_space(self._fleet)
+        self._state = self._fleet.state[:, 0]
+        self._observed = self._fleet.observation[0]
+        # reading and writing single numbers through memoryviews takes a third of the time that array indexing takes
+        fleet: Any = self._fleet
+        self._actions: Any = memoryview(fleet.actions)
+        self._reward: Any = memoryview(fleet.reward)
+        self._terminated: Any = memoryview(fleet.terminated)
+        self._truncated: Any = memoryview(fleet.truncated)
+        self._call = (0, 1, self._fleet.sizes, self._fleet.addresses, self._fleet.z)
+        self._renderer: Renderer | None = None
+        self._seeded = False
+
+    def __getstate__(self) -> dict[str, Any]:
+        kept = {k: v for k, v in self.__dict__.items() if k not in _REBUILT}
+        arrays = {k: getattr(self._fleet, k).copy() for k in _KEPT}
+        row, memory = self._fleet.arrays["row"].copy(), self._fleet.arrays["memory"].copy()
+        z = None if self._fleet.z is None else self._fleet.z.copy()
+        return {**kept, "_saved": (arrays, row, memory, z, self._fleet.arrays["tables"].copy())}
+
+    def __setstate__(self, saved: dict[str, Any]) -> None:
+        arrays, row, memory, z, tables = saved.pop("_saved")
+        self.__dict__.update(saved)
+        seeded = self._seeded
+        self._build()
+        self._seeded = seeded
+        for name, values in arrays.items():
+            getattr(self._fleet, name)[...] = values
+        self._fleet.arrays["row"][...], self._fleet.arrays["memory"][...] = row, memory
+        self._fleet.arrays["tables"][...] = tables
+        if z is not None and self._fleet.z is not None:
+            self._fleet.z[...] = z
+
+    @property
+    def drive(self) -> Drive:
+        """The drive as it is in this episode, effects and drawn parameters included."""
+        drawn = self.task.randomisation.names
+        if not drawn:
+            return self.task.rig
+        vector = self._fleet.p[0]
+        which = self._fleet.arrays["which"]
+        values = {n: float(vector[i]) for n, i in zip(drawn, which, strict=True)}
+        return self.task.rig.replace({n: 1.0 / v if n in {"m1", "m2"} else v for n, v in values.items()})
+
+    def linear_model(self) -> LinearDrive:
+        """Return the linear model of :attr:`drive`: state space, transfer functions, poles, from the same numbers."""
+        return self.drive.linear
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observation, Info]:
+        """Start an episode.
+
+        Parameters
+        ----------
+        seed
+            Of the environment's random stream (drawn parameters, reference, noise).
+        options
+            ``{"state": (x1, v1, x2, v2)}`` starts elsewhere than at rest.
+
+        Returns
+        -------
+        observation : ndarray, shape (entries,)
+        info : dict
+        """
+        super().reset(seed=seed)
+        if seed is not None or not self._seeded:
+            self._fleet.seed([int(self.np_random.integers(2**62)) if seed is None else seed])
+            self._seeded = True
+        self._fleet.reset(start=(options or {}).get("state", (0.0, 0.0, 0.0, 0.0)))
+        if self.render_mode is not None:
+            if self._renderer is not None:
+                self._renderer.reset()
+            self._record()
+        return self._observed.copy(), self._info()
+
+    def step(self, action: npt.NDArray[np.float32]) -> tuple[Observation, float, bool, bool, Info]:
+        """Hold a command for one control period.
+
+        Parameters
+        ----------
+        action : ndarray, shape (1,)
+            Command over the voltage limit; clipped to [-1, 1].
+        """
+        self._actions[0] = float(action[0])
+        kernels.step_fleet(*self._call)
+        if self.render_mode is not None:
+            self._record()
+        return self._observed.copy(), self._reward[0], self._terminated[0], self._truncated[0], self._info()
+
+    def _info(self) -> Info:
+        # written out because this is the longest part of a step otherwise; a test holds it to KEYS
+        x1, v1, x2, v2, r1, r2, q1, q2, u, xr, e, tracking, effort, rate, failure = self._state.tolist()
+        return {
+            "x1": x1,
+            "v1": v1,
+            "x2": x2,
+            "v2": v2,
+            "read_x1": r1,
+            "read_x2": r2,
+            "read_v1": q1,
+            "read_v2": q2,
+            "u": u,
+            "xr": xr,
+            "e": e,
+            "reward_tracking": tracking,
+            "reward_effort": effort,
+            "reward_rate": rate,
+            "reward_failure": failure,
+        }
+
+    def render(self) -> Any:
+        """Return the picture of the present state and the last seconds; see :mod:`flexdrive_gym.rendering`."""
+        if self._renderer is None:
+            return None
+        return self._renderer.render()
+
+    def _record(self) -> None:
+        """Add the present state to the picture; show it when a frame is due, so that a window runs in real time."""
+        from flexdrive_gym.rendering import Frame, Renderer  # noqa: PLC0415
+
+        if self._renderer is None:
+            self._renderer = Renderer(cast("Literal['human', 'rgb_array', 'ansi']", self.render_mode), fps=WINDOW_FPS)
+        now, task, clock = self._info(), self.task, int(self._fleet.clock[0])
+        self._renderer.add(
+            Frame(
+                t=clock * task.control_period,
+                x1=now["x1"],
+                x2=now["x2"] if task.rig.carts == 2 else nan,
+                xr=now["xr"],
+                u=now["u"],
+                travel_limit=task.travel_limit,
+                voltage_limit=task.voltage,
+                title=task.rig.name,
+            )
+        )
+        if self.render_mode == "human" and clock % max(1, round(1.0 / (WINDOW_FPS * task.control_period))) == 0:
+            self._renderer.render()
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+
+_REBUILT = {
+    "_fleet", "_state", "_call", "_renderer", "_observed", "_actions", "_reward", "_terminated", "_truncated"
+}  # fmt: skip
+_KEPT = ("actions", "state", "clock", "seeds", "p", "observation", "reward", "terminated", "truncated")

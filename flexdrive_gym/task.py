@@ -1,0 +1,285 @@
+"""What an environment is about, checked once: drive, reference, limits, sensing, reward.
+
+A :class:`Task` turns the arguments of ``gymnasium.make`` into the numbers that the kernels read; the single and the batched
+environment are made from the same task.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from math import inf, isfinite
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from flexdrive_gym.drive import parameters
+from flexdrive_gym.drive.default import DEFAULT_DRIVE
+from flexdrive_gym.drive.drive import Drive
+from flexdrive_gym.drive.toml import load_drive
+from flexdrive_gym.recording import FloatArray
+from flexdrive_gym.references import is_random, sample_reference
+
+Sensing = Literal["collocated", "non_collocated", "full_state"]
+SENSINGS: dict[str, int] = {"collocated": 1, "non_collocated": 2, "full_state": 3}
+
+DEFAULT_VOLTAGE_V = 8.0
+# a raw difference over one control period is coarse; this is what a student's derivative filter does
+DEFAULT_VELOCITY_CUTOFF_HZ = 30.0
+DEFAULT_REWARD: dict[str, float] = {"tracking": 1.0, "effort": 0.01, "rate": 0.01, "failure": 100.0}
+ERROR_SCALE_MM = 10.0
+RANDOM_REFERENCES = 64
+
+
+@dataclass(frozen=True, eq=False)
+class Randomisation:
+    """How parameters are drawn at every reset.
+
+    Attributes
+    ----------
+    names
+        Of the parameters.
+    low, high : ndarray, shape (n,)
+        Bounds in the parameters' units.
+    factor : ndarray, shape (n, n) or (0, 0)
+        Cholesky factor of a joint normal distribution around the drive's values; empty for uniform draws.
+    """
+
+    names: tuple[str, ...] = ()
+    low: FloatArray = field(default_factory=lambda: np.zeros(0))
+    high: FloatArray = field(default_factory=lambda: np.zeros(0))
+    factor: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """The arguments of an environment.
+
+    Parameters
+    ----------
+    sensing
+        Which encoders the controller sees: ``collocated`` (x1), ``non_collocated`` (x2) or ``full_state`` (both).
+    drive
+        A :class:`~flexdrive_gym.Drive`, the path of a ``drive.toml``, or ``None`` for the documented default.
+    reference
+        Name in :data:`~flexdrive_gym.references.REFERENCES`, (name, arguments), array at control periods, or function
+        of time [mm].
+    control_period, physics_step
+        [s]; the period is a whole number of steps.
+    duration
+        Time limit of an episode [s].
+    travel_limit, stroke_limit
+        Largest |x| of a cart and |x1 - x2| of the spring [mm]; beyond either the episode terminates.
+    voltage_limit
+        Command at action 1 [V]; ``None``: the drive's own limit, or 8 V.
+    preview
+        How far ahead of now the controller sees the reference [s].
+    reward
+        Weights of ``tracking`` ((e/10 mm)², e = xr - x2), ``effort`` ((u/limit)²), ``rate`` ((Δu/limit)²) and
+        ``failure`` (once, on termination); all are subtracted.
+    randomise
+        ``None``; ``"identified"`` for the drive's identified covariance; or parameter names with (low, high).
+    effects
+        Parameters to change in the drive, for example ``{"input_delay.tau": 0.002}``.
+    quantum, noise, velocity_cutoff
+        Encoder count [mm] (``None``: the drive's), rms of additional position noise [mm], cut-off of the velocity filter
+        [Hz] (``None``: the drive's, or 30 Hz; 0: raw difference).
+    normalise
+        Scale every entry of the observation to -1 … 1 by its bound.
+    """
+
+    sensing: Sensing
+    drive: Drive | str | Path | None = None
+    reference: Any = "handout"
+    control_period: float = 5e-3
+    physics_step: float = 1e-3
+    duration: float = 4.0
+    travel_limit: float = 250.0
+    stroke_limit: float = 100.0
+    voltage_limit: float | None = None
+    preview: Iterable[float] = (0.02, 0.05, 0.1)
+    reward: Mapping[str, float] | None = None
+    randomise: str | Mapping[str, tuple[float, float]] | None = None
+    effects: Mapping[str, float] | None = None
+    quantum: float | None = None
+    noise: float = 0.0
+    velocity_cutoff: float | None = None
+    normalise: bool = False
+
+    def __post_init__(self) -> None:
+        _member("sensing", self.sensing, SENSINGS)
+        for name in ("control_period", "physics_step", "duration", "travel_limit", "stroke_limit"):
+            _positive(name, getattr(self, name))
+        if self.voltage_limit is not None:
+            _positive("voltage_limit", self.voltage_limit)
+        for name in ("noise", "quantum", "velocity_cutoff"):
+            value = getattr(self, name)
+            if value is not None and not (_is_number(value) and 0.0 <= value < inf):
+                raise ValueError(f"{name}: must be a number of at least 0; got {value!r}.")
+        ratio = self.control_period / self.physics_step
+        if abs(ratio - round(ratio)) > 1e-6 * ratio or round(ratio) < 1:
+            raise ValueError(
+                f"physics_step: the control period must be a whole number of physics steps; got {self.control_period:g} s "
+                f"over {self.physics_step:g} s. Use {self.control_period / max(1, round(ratio)):g} s."
+            )
+        if self.duration < self.control_period:
+            raise ValueError(f"duration: must be at least one control period; got {self.duration:g} s.")
+        object.__setattr__(self, "preview", tuple(self.preview))
+        if not all(_is_number(a) and 0.0 <= a <= 10.0 for a in self.preview):
+            raise ValueError(f"preview: must be times ahead between 0 and 10 s; got {self.preview!r}.")
+        object.__setattr__(self, "rig", self._rig())
+        object.__setattr__(self, "weights", self._weights())
+        object.__setattr__(self, "randomisation", self._randomisation())
+        object.__setattr__(self, "references", self._references())
+
+    rig: Drive = field(init=False, repr=False)
+    weights: dict[str, float] = field(init=False, repr=False)
+    randomisation: Randomisation = field(init=False, repr=False)
+    references: FloatArray = field(init=False, repr=False)
+
+    @property
+    def horizon(self) -> int:
+        """Time limit in control periods."""
+        return round(self.duration / self.control_period)
+
+    @property
+    def voltage(self) -> float:
+        """Command at action 1 [V]."""
+        if self.voltage_limit is not None:
+            return self.voltage_limit
+        own = self.rig.voltage_limit
+        return own if isfinite(own) else DEFAULT_VOLTAGE_V
+
+    @property
+    def ahead(self) -> np.ndarray:
+        """Preview in control periods, ndarray of int."""
+        return np.array([round(a / self.control_period) for a in self.preview], dtype=np.int64)
+
+    @property
+    def substeps(self) -> int:
+        """Physics steps per control period, refined where an effect is fast."""
+        return parameters.substeps(self.rig.values, self.control_period, self.physics_step)
+
+    def names(self) -> list[tuple[str, str, float]]:
+        """Return name, unit and bound of every entry of the observation."""
+        position, speed = 2.0 * self.travel_limit, 4.0 * self.top_speed
+        carts = {1: ("x1",), 2: ("x2",), 3: ("x1", "x2")}[SENSINGS[self.sensing]]
+        entries = [e for x in carts for e in ((x, "mm", position), (f"v{x[1]}", "mm/s", speed))]
+        seen = "x1" if self.sensing == "collocated" else "x2"
+        entries += [(f"xr - {seen}", "mm", 2.0 * position), ("xr", "mm", position), ("last u", "V", self.voltage)]
+        return entries + [(f"xr in {a:g} s", "mm", position) for a in self.preview]
+
+    @property
+    def top_speed(self) -> float:
+        """Steady velocity at the largest command without friction [mm/s]; at least 100."""
+        damping = self.rig["b1"] + (self.rig["b2"] if self.rig.carts == 2 else 0.0)
+        return max(100.0, self.voltage / max(damping, 1e-3))
+
+    def _rig(self) -> Drive:
+        if self.drive is None:
+            rig = DEFAULT_DRIVE
+        elif isinstance(self.drive, Drive):
+            rig = self.drive
+        elif isinstance(self.drive, str | Path):
+            rig = load_drive(self.drive)
+        else:
+            raise TypeError(f"drive: must be a Drive or the path of a drive.toml; got {type(self.drive).__name__}.")
+        changes = dict(self.effects or {})
+        for i in range(1, rig.carts + 1):
+            if self.quantum is not None:
+                changes[f"encoder_quantisation.encoder_{i}.quantum"] = self.quantum
+            key = f"velocity_processing.encoder_{i}.cutoff"
+            if self.velocity_cutoff is not None:
+                changes[key] = self.velocity_cutoff
+            elif key not in rig.values and key not in changes:
+                changes[key] = DEFAULT_VELOCITY_CUTOFF_HZ
+        if rig.carts == 1 and self.sensing != "collocated":
+            raise ValueError(f"drive: {self.sensing} needs two carts; got a rigid drive. Use FlexDrive-Collocated-v0.")
+        try:
+            return rig.replace(changes, intervals=rig.intervals, covariance=rig.covariance)
+        except (KeyError, ValueError) as error:
+            raise ValueError(f"effects: {error.args[0]}") from error
+
+    def _weights(self) -> dict[str, float]:
+        given = dict(self.reward or {})
+        for name, value in given.items():
+            _member("reward", name, DEFAULT_REWARD)
+            if not _is_number(value) or not 0.0 <= value < inf:
+                raise ValueError(f"reward: the weight of {name} must be a number of at least 0; got {value!r}.")
+        return {**DEFAULT_REWARD, **{k: float(v) for k, v in given.items()}}
+
+    def _randomisation(self) -> Randomisation:
+        if self.randomise is None:
+            return Randomisation()
+        if isinstance(self.randomise, str):
+            return self._identified()
+        names = tuple(self.randomise)
+        for name, bounds in self.randomise.items():
+            spec = _specification("randomise", name)
+            if len(tuple(bounds)) != 2 or not spec.lower <= bounds[0] <= bounds[1] <= spec.upper:
+                raise ValueError(
+                    f"randomise: {name} must be (low, high) within [{spec.lower:g}, {spec.upper:g}] {spec.unit}; got {bounds!r}."
+                )
+            if (self.rig.carts == 1) and name in {"m2", "b2", "d2", "k", "C"}:
+                raise ValueError(f"randomise: a rigid drive has no {name}.")
+        low, high = (np.array([self.randomise[n][i] for n in names], dtype=np.float64) for i in (0, 1))
+        return Randomisation(names, low, high)
+
+    def _identified(self) -> Randomisation:
+        covariance = self.rig.covariance
+        if self.randomise != "identified":
+            raise ValueError(f"randomise: must be None, 'identified' or a mapping; got {self.randomise!r}.")
+        if covariance is None:
+            raise ValueError(
+                "randomise: 'identified' needs a drive with a covariance; got one without. Use the drive.toml of "
+                "'flexdrive identify --method ml', or give ranges."
+            )
+        values = np.array([self.rig[n] for n in covariance.names])
+        eigenvalues, vectors = np.linalg.eigh(covariance.matrix)
+        # QR of the symmetric root is a Cholesky factor that a parameter without variance does not upset
+        root = (vectors * np.sqrt(np.maximum(eigenvalues, 0.0))).T
+        factor = np.transpose(np.asarray(np.linalg.qr(root, mode="r")))
+        specs = [parameters.parameter(n) for n in covariance.names]
+        # far tails of a wide normal distribution are no drives: stay within a third to three times the value
+        low = np.maximum([s.lower for s in specs], values / 3.0)
+        high = np.minimum([s.upper for s in specs], np.maximum(values * 3.0, 1e-9))
+        return Randomisation(covariance.names, low, high, np.ascontiguousarray(factor))
+
+    def _references(self) -> FloatArray:
+        ahead = int(self.ahead.max(initial=0))
+        t = np.arange(self.horizon + ahead + 2) * self.control_period
+        rows = RANDOM_REFERENCES if is_random(self.reference) else 1
+        rng = np.random.default_rng(0)  # the pool is part of the task; which row an episode takes comes from its seed
+        table = np.ascontiguousarray([sample_reference(self.reference, t, rng) for _ in range(rows)])
+        peak = float(np.max(np.abs(table)))
+        if peak > self.travel_limit:
+            raise ValueError(
+                f"reference: must stay within the travel of ±{self.travel_limit:g} mm; got {peak:g} mm. Raise travel_limit or "
+                "lower the reference."
+            )
+        return table
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float | np.number) and not isinstance(value, bool) and bool(np.isfinite(value))
+
+
+def _positive(name: str, value: Any) -> None:
+    if not _is_number(value) or not value > 0.0:
+        raise ValueError(f"{name}: must be a positive number; got {value!r}.")
+
+
+def _member(name: str, value: Any, allowed: Mapping[str, Any]) -> None:
+    if value not in allowed:
+        near = get_close_matches(str(value), list(allowed), n=1)
+        hint = f" Did you mean {near[0]!r}?" if near else ""
+        raise ValueError(f"{name}: must be among {', '.join(allowed)}; got {value!r}.{hint}")
+
+
+def _specification(argument: str, name: str) -> Any:
+    try:
+        return parameters.parameter(name)
+    except KeyError as error:
+        raise ValueError(f"{argument}: {error.args[0]}") from error

@@ -1,0 +1,325 @@
+"""The single environment: Gymnasium's contract, the handout's physics, and errors that help."""
+
+import pickle
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from baselines.stability_limit import critical_gain
+from flexdrive_gym import DEFAULT_DRIVE, Covariance, Drive, PControl, save_drive
+from flexdrive_gym.environment import FlexDriveEnv
+from flexdrive_gym.fleet import KEYS
+from flexdrive_gym.references import point_to_point
+from tests.drive.drives import RIG
+
+IDS = [f"FlexDrive-{name}-v0" for name in ("Collocated", "NonCollocated", "FullState")]
+NON_COLLOCATED = IDS[1]
+
+
+def rollout(env, steps=50, seed=3):
+    rng = np.random.default_rng(seed)
+    trace = [env.reset(seed=seed)[0]]
+    for _ in range(steps):
+        observation, reward, terminated, truncated, _info = env.step(rng.uniform(-1, 1, 1).astype(np.float32))
+        trace += [observation, [reward, terminated, truncated]]
+    return np.concatenate([np.ravel(x) for x in trace])
+
+
+@pytest.mark.parametrize("name", IDS)
+@pytest.mark.parametrize("normalise", [False, True])
+def test_gymnasiums_check_finds_nothing(name, normalise):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(gymnasium.make(name, normalise=normalise).unwrapped, skip_render_check=True)
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_stable_baselines_check_finds_nothing(name):
+    checker = pytest.importorskip("stable_baselines3.common.env_checker", reason="needs the extra rl")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        # SB3 asks for a normalised observation space
+        checker.check_env(gymnasium.make(name, normalise=True), warn=True, skip_render_check=True)
+
+
+def test_imports_none_of_the_heavy_libraries():
+    import subprocess
+    import sys
+
+    heavy = "('torch', 'stable_baselines3', 'control', 'matplotlib')"
+    code = f"import sys, flexdrive_gym; print([m for m in {heavy} if m in sys.modules])"
+    assert (
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "[]"
+    )
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_same_seed_same_episode(name):
+    arguments = {"noise": 0.01, "reference": "random_moves", "randomise": {"m1": (6e-4, 9e-4), "d1": (0.2, 0.5)}}
+    a, b = (gymnasium.make(name, **arguments) for _ in range(2))
+    assert np.array_equal(rollout(a), rollout(b))
+    assert not np.array_equal(rollout(a, seed=3), rollout(a, seed=4))
+
+
+def test_pickling_keeps_the_episode():
+    env = gymnasium.make(NON_COLLOCATED, noise=0.01).unwrapped
+    rollout(env, 20)
+    twin = pickle.loads(pickle.dumps(env))
+    action = np.array([0.3], np.float32)
+    for _ in range(20):
+        a, b = env.step(action), twin.step(action)
+        assert np.array_equal(a[0], b[0])
+        assert a[1:4] == b[1:4]
+
+
+def test_it_is_the_drive_that_was_identified(tmp_path):
+    path = save_drive(Drive({**RIG, "saturation.limit": 6.0}), tmp_path / "drive.toml")
+    env = gymnasium.make(NON_COLLOCATED, drive=path).unwrapped
+    assert env.drive["m1"] == RIG["m1"]
+    assert env.task.voltage == 6.0
+    assert env.linear_model().omega_n == pytest.approx(Drive(RIG).linear.omega_n)
+
+
+def test_states_are_those_of_the_simulation():
+    env = gymnasium.make(IDS[2]).unwrapped
+    env.reset(seed=0)
+    rng = np.random.default_rng(0)
+    commands = np.repeat(np.round(rng.uniform(-1, 1, 100), 3), 5)
+    states = []
+    for u in commands[::5]:
+        info = env.step(np.array([u], np.float32))[4]
+        states.append([info["x1"], info["x2"]])
+    drive = DEFAULT_DRIVE.replace({f"encoder_quantisation.encoder_{i}.quantum": 0.0 for i in (1, 2)})
+    t = np.arange(501) * 1e-3
+    run = drive.simulate(t, np.append(np.float32(commands).astype(float) * 8.0, 0.0))
+    assert np.allclose(np.array(states), np.column_stack([run.x1, run.x2])[5::5], atol=1e-6)
+
+
+def test_reward_is_the_sum_of_its_terms_and_they_are_what_is_documented():
+    env = gymnasium.make(NON_COLLOCATED, reward={"effort": 0.5}).unwrapped
+    env.reset(seed=0)
+    env.step(np.array([0.2], np.float32))
+    _o, reward, _t, _c, info = env.step(np.array([0.5], np.float32))
+    assert list(info) == list(KEYS)
+    assert reward == pytest.approx(sum(v for k, v in info.items() if k.startswith("reward_")))
+    assert info["reward_tracking"] == pytest.approx(-(((info["xr"] - info["x2"]) / 10.0) ** 2))
+    assert info["reward_effort"] == pytest.approx(-0.5 * 0.5**2)
+    assert info["reward_rate"] == pytest.approx(-0.01 * 0.3**2, rel=1e-5)
+
+
+def test_time_limit_truncates_and_leaving_the_travel_terminates():
+    env = gymnasium.make(NON_COLLOCATED, duration=0.1)
+    env.reset(seed=0)
+    ends = [env.step(np.zeros(1, np.float32))[2:4] for _ in range(20)]
+    assert ends[-1] == (False, True)
+    assert not any(a or b for a, b in ends[:-1])
+    env = gymnasium.make(NON_COLLOCATED, travel_limit=60.0)
+    env.reset(seed=0)
+    for _ in range(400):
+        _o, _r, terminated, truncated, info = env.step(np.ones(1, np.float32))
+        if terminated:
+            break
+    assert (terminated, truncated) == (True, False)
+    assert max(abs(info["x1"]), abs(info["x2"])) > 60.0
+    assert info["reward_failure"] == -100.0
+
+
+def test_spring_stroke_terminates():
+    env = gymnasium.make(NON_COLLOCATED, stroke_limit=5.0)
+    env.reset(seed=0)
+    for _ in range(400):
+        terminated, info = (env.step(np.ones(1, np.float32))[i] for i in (2, 4))
+        if terminated:
+            break
+    assert abs(info["x1"] - info["x2"]) > 5.0
+
+
+def test_observations_stay_inside_the_space():
+    env = gymnasium.make(IDS[2], noise=5.0, normalise=True)
+    env.reset(seed=1)
+    rng = np.random.default_rng(1)
+    for _ in range(300):
+        observation, _r, terminated, truncated, _i = env.step(rng.choice([-1.0, 1.0], 1).astype(np.float32))
+        assert env.observation_space.contains(observation)
+        if terminated or truncated:
+            env.reset()
+
+
+def test_controller_sees_encoders_not_truth():
+    env = gymnasium.make(NON_COLLOCATED, quantum=0.5, velocity_cutoff=0.0).unwrapped
+    env.reset(seed=0)
+    for _ in range(40):
+        observation, *_rest, info = env.step(np.array([0.4], np.float32))
+    assert observation[0] % 0.5 == pytest.approx(0.0, abs=1e-5)
+    assert observation[0] == pytest.approx(info["x2"], abs=0.26)
+    assert observation[2] == pytest.approx(info["xr"] - info["read_x2"], abs=1e-4)
+
+
+def test_preview_is_the_reference_to_come():
+    env = gymnasium.make(NON_COLLOCATED, preview=(0.05, 0.2)).unwrapped
+    first = env.reset(seed=0)[0]
+    later = [env.step(np.zeros(1, np.float32))[0] for _ in range(40)]
+    assert first[-2] == later[9][3]
+    assert first[-1] == later[39][3]
+
+
+def test_effects_change_the_drive():
+    slow = gymnasium.make(NON_COLLOCATED, effects={"input_delay.tau": 0.01})
+    plain = gymnasium.make(NON_COLLOCATED)
+    for env in (slow, plain):
+        env.reset(seed=0)
+    action = np.array([0.5], np.float32)
+    assert slow.step(action)[4]["x1"] == 0.0
+    assert plain.step(action)[4]["x1"] > 0.0
+
+
+def test_randomised_drives_follow_the_identified_covariance():
+    names, values = ("m1", "b1"), np.array([RIG["m1"], RIG["b1"]])
+    matrix = np.diag((0.05 * values) ** 2)
+    matrix[0, 1] = matrix[1, 0] = 0.8 * 0.05**2 * values.prod()
+    drive = Drive(RIG, covariance=Covariance(names, matrix))
+    env = gymnasium.make(NON_COLLOCATED, drive=drive, randomise="identified").unwrapped
+    drawn = np.array([(env.reset(seed=s), [env.drive[n] for n in names])[1] for s in range(400)])
+    assert np.allclose(drawn.mean(axis=0), values, rtol=0.01)
+    assert np.corrcoef(drawn.T)[0, 1] == pytest.approx(0.8, abs=0.08)
+    assert np.allclose(drawn.std(axis=0), 0.05 * values, rtol=0.15)
+
+
+def test_p_control_through_the_environment_has_the_simulated_critical_gain():
+    # 2.2 of the handout with control_period = 1 ms: bisect the gain at which x2 swings more than 25 mm
+    drive = DEFAULT_DRIVE
+    t = np.arange(12000) * 1e-3
+    env = gymnasium.make(
+        NON_COLLOCATED, drive=drive, control_period=1e-3, duration=12.0, travel_limit=1e5, stroke_limit=1e5,
+        reference=point_to_point(t), preview=(),
+    )  # fmt: skip
+
+    def swing(gain):
+        _o, info = env.reset(seed=0)
+        x2 = []
+        for _ in range(11999):
+            _o, _r, _t, _c, info = env.step([gain * (info["xr"] - info["read_x2"]) / 8.0])
+            x2.append(info["x2"])
+        return np.ptp(x2[6000:])
+
+    low, high = 0.15, 0.5
+    while high > 1.004 * low:
+        middle = np.sqrt(low * high)
+        low, high = (low, middle) if swing(middle) > 25.0 else (middle, high)
+    assert np.sqrt(low * high) == pytest.approx(critical_gain(drive, "x2"), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ({"drive": 3}, "drive: must be a Drive or the path"),
+        ({"control_period": -1.0}, "control_period: must be a positive number; got -1"),
+        ({"control_period": 5e-3, "physics_step": 3e-3}, "physics_step: the control period must be a whole number"),
+        ({"reference": "handoutt"}, "reference"),
+        ({"reference": np.array([1e4] * 10)}, "reference: must stay within the travel"),
+        ({"preview": (-1.0,)}, "preview: must be times ahead"),
+        ({"reward": {"traking": 1.0}}, "Did you mean 'tracking'"),
+        ({"reward": {"tracking": -1.0}}, "must be a number of at least 0"),
+        ({"randomise": "identified"}, "needs a drive with a covariance"),
+        ({"randomise": {"m1": (2.0, 1.0)}}, "m1 must be \\(low, high\\)"),
+        ({"randomise": {"mass": (2.0, 1.0)}}, "randomise: parameter: no parameter"),
+        ({"effects": {"stribek.cart_1.vs": 1.0}}, "effects: parameter: no parameter"),
+        ({"noise": -1.0}, "noise: must be a number of at least 0"),
+        ({"duration": float("nan")}, "duration: must be a positive number"),
+    ],
+)
+def test_wrong_arguments_are_named(arguments, text):
+    with pytest.raises((ValueError, TypeError), match=text):
+        gymnasium.make(NON_COLLOCATED, **arguments)
+
+
+def test_unknown_render_mode_is_refused():
+    with pytest.raises(ValueError, match="render_mode: must be None, human"):
+        FlexDriveEnv(sensing="collocated", render_mode="video")
+
+
+def test_rigid_drive_is_tracked_with_its_only_cart():
+    env = gymnasium.make(IDS[0], drive=Drive({"m1": 1.1e-3, "b1": 0.0127, "d1": 0.5}))
+    env.reset(seed=0)
+    info = env.step(np.array([0.5], np.float32))[4]
+    assert info["e"] == pytest.approx(info["xr"] - info["x1"])
+    with pytest.raises(ValueError, match="needs two carts"):
+        gymnasium.make(NON_COLLOCATED, drive=Drive({"m1": 1.1e-3, "b1": 0.0127}))
+
+
+def test_p_control_in_ten_lines_tracks():
+    env = gymnasium.make(NON_COLLOCATED)
+    _o, info = env.reset(seed=0)
+    controller, done, errors = PControl(0.1, "x2"), False, []
+    while not done:
+        u = controller.gain * (info["xr"] - info["read_x2"])
+        _o, _r, terminated, truncated, info = env.step([u / env.unwrapped.task.voltage])
+        errors.append(info["e"])
+        done = terminated or truncated
+    assert len(errors) == 800
+    assert np.sqrt(np.mean(np.square(errors))) < 20.0
+
+
+@pytest.mark.parametrize("mode", ["rgb_array", "ansi", "human"])
+def test_rendering(mode, monkeypatch):
+    pytest.importorskip("pygame", reason="needs the extra render")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    env = gymnasium.make(NON_COLLOCATED, render_mode=mode, duration=0.1)
+    env.reset(seed=0)
+    first = env.render()
+    for _ in range(20):
+        env.step(np.ones(1, np.float32))
+    last = env.render()
+    if mode == "rgb_array":
+        assert first.shape == last.shape == (480, 960, 3)
+        assert not np.array_equal(first, last)
+    elif mode == "ansi":
+        assert "[1]" in last
+        assert first != last
+    else:
+        assert last is None
+    env.close()
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_gymnasiums_check_finds_nothing_in_rendering(name):
+    pytest.importorskip("pygame", reason="needs the extra render")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(gymnasium.make(name, render_mode="rgb_array").unwrapped)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    sensing=st.sampled_from(IDS),
+    period=st.sampled_from([1e-3, 2e-3, 5e-3, 1e-2]),
+    reference=st.sampled_from(["handout", "step", "square", "sine", "s_curve", "prbs", "random_moves"]),
+    voltage=st.floats(0.5, 20.0),
+    preview=st.lists(st.floats(0.0, 0.3), max_size=4),
+    noise=st.floats(0.0, 1.0),
+    normalise=st.booleans(),
+    delay=st.sampled_from([0.0, 0.0007, 0.002]),
+    seed=st.integers(0, 2**31),
+)
+def test_any_valid_arguments_make_an_environment_that_keeps_its_promises(
+    sensing, period, reference, voltage, preview, noise, normalise, delay, seed
+):
+    env = gymnasium.make(
+        sensing, control_period=period, reference=reference, voltage_limit=voltage, preview=preview, noise=noise,
+        normalise=normalise, effects={"input_delay.tau": delay}, duration=0.1,
+    )  # fmt: skip
+    observation, info = env.reset(seed=seed)
+    rng = np.random.default_rng(seed)
+    for _ in range(round(0.1 / period)):
+        assert env.observation_space.contains(observation)
+        assert all(np.isfinite(v) for v in info.values())
+        observation, reward, terminated, truncated, info = env.step(rng.uniform(-1, 1, 1).astype(np.float32))
+        assert np.isfinite(reward)
+        assert not (terminated and truncated)
+        assert abs(info["u"]) <= voltage * (1 + 1e-6)
+    assert truncated or terminated

@@ -1,0 +1,150 @@
+"""The batched environment is the single one, many times, to the last bit."""
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+
+from flexdrive_gym import Drive
+from flexdrive_gym.fleet import KEYS
+from tests.drive.drives import RIG
+
+ID = "FlexDrive-NonCollocated-v0"
+RANDOM = {
+    "randomise": {"m1": (6e-4, 9e-4), "k": (0.07, 0.12), "d2": (0.05, 0.3)},
+    "noise": 0.02,
+    "reference": "random_moves",
+}
+VARIANTS = {
+    "plain": {},
+    "randomised": RANDOM,
+    "delayed": {"effects": {"input_delay.tau": 0.0033}, "noise": 0.02},
+    "1 ms": {"control_period": 1e-3},
+    "frictionless": {"drive": Drive({**RIG, "d1": 0.0, "d2": 0.0})},
+}
+
+
+def batched(n, **arguments):
+    return gymnasium.make_vec(ID, num_envs=n, vectorization_mode="vector_entry_point", **arguments)
+
+
+def singles(n, actions, seed, **arguments):
+    """The same actions through n single environments with a reset at every end, as next-step autoreset makes it."""
+    traces = []
+    for j in range(n):
+        env = gymnasium.make(ID, **arguments)
+        trace, done = [env.reset(seed=seed + j)[0]], False
+        for action in actions[:, j]:
+            if done:
+                observation, done = env.reset()[0], False
+                trace.append(np.append(observation, [0.0, False, False]))
+                continue
+            observation, reward, terminated, truncated, _info = env.step(action)
+            trace.append(np.append(observation.astype(np.float64), [reward, terminated, truncated]))
+            done = terminated or truncated
+        traces.append(np.array(trace[1:]))
+    return np.array(traces)
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+@pytest.mark.parametrize("n", [1, 3, 70])
+def test_bit_equal_to_the_single_environment(name, n):
+    steps = {1: 2000, 3: 700, 70: 60}[n]
+    arguments = {"duration": 0.4, "travel_limit": 70.0, **VARIANTS[name]}
+    actions = np.random.default_rng(5).uniform(-1, 1, (steps, n, 1)).astype(np.float32)
+    env = batched(n, **arguments)
+    env.reset(seed=11)
+    found = []
+    for action in actions:
+        observation, reward, terminated, truncated, _info = env.step(action)
+        found.append(np.column_stack([observation.astype(np.float64), reward, terminated, truncated]))
+    assert np.array_equal(np.swapaxes(np.array(found), 0, 1), singles(n, actions, 11, **arguments))
+
+
+@pytest.mark.slow
+def test_bit_equal_over_ten_thousand_steps_with_resets_and_randomisation():
+    arguments = {"duration": 0.7, "travel_limit": 90.0, **RANDOM}
+    actions = np.random.default_rng(6).uniform(-1, 1, (10_000, 4, 1)).astype(np.float32)
+    env = batched(4, **arguments)
+    env.reset(seed=2)
+    found = []
+    for action in actions:
+        observation, reward, terminated, truncated, _info = env.step(action)
+        found.append(np.column_stack([observation.astype(np.float64), reward, terminated, truncated]))
+    assert np.array_equal(np.swapaxes(np.array(found), 0, 1), singles(4, actions, 2, **arguments))
+
+
+def test_same_step_reset_keeps_the_last_observation():
+    env = batched(3, autoreset_mode="same_step", duration=0.05)
+    reference = batched(3, autoreset_mode="disabled", duration=0.05)
+    assert env.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+    env.reset(seed=0)
+    reference.reset(seed=0)
+    action = np.full((3, 1), 0.3, np.float32)
+    for _ in range(10):
+        observation, reward, _t, truncated, info = env.step(action)
+        last, last_reward, *_rest = reference.step(action)
+    assert truncated.all()
+    assert np.array_equal(np.stack(info["final_obs"]), last)
+    assert np.array_equal(reward, last_reward)
+    assert info["final_info"]["x1"][0] > 0.0
+    assert np.all(observation[:, 0] == 0.0)  # already the next episode's
+
+
+def test_masked_reset_leaves_the_others_alone():
+    env = batched(4, autoreset_mode="disabled")
+    env.reset(seed=0)
+    for _ in range(30):
+        before = env.step(np.full((4, 1), 0.5, np.float32))[0]
+    mask = np.array([True, False, False, True])
+    after, info = env.reset(options={"reset_mask": mask})
+    assert np.all(after[mask, 0] == 0.0)
+    assert np.array_equal(after[~mask], before[~mask])
+    assert np.array_equal(info["_x1"], mask)
+    with pytest.raises(ValueError, match="reset_mask: must be a boolean array"):
+        env.reset(options={"reset_mask": np.zeros(4, bool)})
+
+
+def test_seeds_one_per_environment():
+    env = batched(3, **RANDOM)
+    a = env.reset(seed=7)[0]
+    b = env.reset(seed=[7, 8, 9])[0]
+    assert np.array_equal(a, b)
+    assert not np.array_equal(a[0], a[1])
+    with pytest.raises(ValueError, match="seed: must be one number or 3"):
+        env.reset(seed=[1, 2])
+
+
+def test_physical_info_when_asked_for():
+    env = batched(2, physical_info=True)
+    env.reset(seed=0)
+    info = env.step(np.full((2, 1), 0.5, np.float32))[4]
+    assert set(KEYS) <= set(info)
+    assert np.all(info["u"] == pytest.approx(4.0))
+
+
+def test_spaces_and_batches_match():
+    env = batched(5)
+    observation, _info = env.reset(seed=0)
+    assert env.observation_space.contains(observation)
+    assert env.single_observation_space.shape == observation.shape[1:]
+    assert env.action_space.shape == (5, 1)
+
+
+def test_memory_per_environment_is_small():
+    env = batched(1000, **RANDOM)
+    used = sum(a.nbytes for name, a in env.fleet.arrays.items() if name not in {"references", "work"})
+    assert used / 1000 <= 1024
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ({"num_envs": 0}, "num_envs"),
+        ({"num_envs": 2, "autoreset_mode": "later"}, "autoreset_mode: must be among"),
+        ({"num_envs": 2, "render_mode": "human"}, "draws nothing"),
+    ],
+)
+def test_wrong_arguments_are_named(arguments, text):
+    with pytest.raises(ValueError, match=text):
+        gymnasium.make_vec(ID, vectorization_mode="vector_entry_point", **arguments)
