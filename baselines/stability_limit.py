@@ -17,7 +17,7 @@ import numpy as np
 
 from flexdrive_gym import Drive, Recording
 from flexdrive_gym.drive import kernels, parameters
-from flexdrive_gym.drive.step import WORK_SPACE
+from flexdrive_gym.drive.sample import WORK_SPACE
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.references import point_to_point
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from flexdrive_gym.drive import fleet as kernels
 from flexdrive_gym.drive import parameters
 from flexdrive_gym.drive.effects import N_STATES
-from flexdrive_gym.drive.step import MEMORY
+from flexdrive_gym.drive.sample import MEMORY
 from flexdrive_gym.recording import BoolArray
 from flexdrive_gym.task import ERROR_SCALE_MM, SENSINGS, Task
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexdrive_gym.drive import kernels, parameters
-from flexdrive_gym.drive.step import WORK_SPACE
+from flexdrive_gym.drive.sample import WORK_SPACE
 from flexdrive_gym.recording import BoolArray, Channel, FloatArray, Recording
 from identification.floor import period_samples, run_variance
 from identification.signals import velocities

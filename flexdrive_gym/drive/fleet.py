@@ -27,24 +27,9 @@ from flexdrive_gym.drive.compilation import (
     singles_at,
 )
 from flexdrive_gym.drive.effects import N_BASE_PARAMETERS, N_PARAMETERS, N_STATES
-from flexdrive_gym.drive.step import (
-    CUTOFF_1,
-    CUTOFF_2,
-    MEMORY,
-    TABLE,
-    W2,
-    advance,
-    decay,
-    leap,
-    level_1,
-    level_2,
-    limited,
-    margin_2,
-    readings,
-    step_through_events,
-    tabulate,
-    velocity,
-)
+from flexdrive_gym.drive.forces import W2, level_1, level_2, limited, margin_2, readings
+from flexdrive_gym.drive.sample import CUTOFF_1, CUTOFF_2, MEMORY, advance, decay, velocity
+from flexdrive_gym.drive.step import TABLE, leap, step_through_events, tabulate
 
 LANES = 64
 

@@ -1,7 +1,7 @@
 """Entry points of the compiled step: open loop, P-control, one sample, sweeps.
 
-Each is a loop over samples around :func:`~flexdrive_gym.drive.step.advance` and
-:func:`~flexdrive_gym.drive.step.measure`; none holds an equation. ``z`` is ``None`` or the workspace of
+Each is a loop over samples around :func:`~flexdrive_gym.drive.sample.advance` and
+:func:`~flexdrive_gym.drive.sample.measure`; none holds an equation. ``z`` is ``None`` or the workspace of
 :mod:`~flexdrive_gym.drive.step`; ``memory`` is a float array of length ``WORK_SPACE``.
 """
 
@@ -10,7 +10,9 @@ from __future__ import annotations
 from typing import Any
 
 from flexdrive_gym.drive.compilation import kernel, pointer, shifted
-from flexdrive_gym.drive.step import MEMORY, W2, advance, limited, measure, power_up, tabulate
+from flexdrive_gym.drive.forces import W2, limited
+from flexdrive_gym.drive.sample import MEMORY, advance, measure, power_up
+from flexdrive_gym.drive.step import tabulate
 
 
 @kernel

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flexdrive_gym.drive import kernels, parameters
-from flexdrive_gym.drive.step import RING, WORK_SPACE
+from flexdrive_gym.drive.sample import RING, WORK_SPACE
 from flexdrive_gym.recording import Excitation, FloatArray, Recording
 
 Values = Mapping[str, float]

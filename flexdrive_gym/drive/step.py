@@ -30,154 +30,15 @@ Dynamical Systems, 2008, ch. 8.
 
 from __future__ import annotations
 
-from math import exp, pi
 from typing import Any
 
 from flexdrive_gym.drive.compilation import called, inlined, shifted
-from flexdrive_gym.drive.effects import LAYOUT, N_PARAMETERS, N_STATES, chain
+from flexdrive_gym.drive.effects import LAYOUT, N_PARAMETERS, N_STATES
+from flexdrive_gym.drive.forces import W2, accelerations, level_1, level_2, margin_1, margin_2, rates
 
 MAX_EVENTS = 12
-RING = 64
-# memory of one drive between samples: previous readings, filtered velocities, position in and ring of past commands
-MEMORY = 5 + RING
-_PREVIOUS_1, _PREVIOUS_2, _FILTERED_1, _FILTERED_2, _HEAD, _COMMANDS = 0, 1, 2, 3, 4, 5
-
-W1, W2 = 0, 1
 D1, D2 = LAYOUT["d1"].index, LAYOUT["d2"].index
 TABLE = 61
-# what a kernel's caller provides: the memory, then the table of the step and a parameter vector to make it with
-WORK_SPACE = MEMORY + TABLE + N_PARAMETERS
-LIMIT = LAYOUT["saturation.limit"].index
-DELAY = LAYOUT["input_delay.tau"].index
-CUTOFF_1 = LAYOUT["velocity_processing.encoder_1.cutoff"].index
-CUTOFF_2 = LAYOUT["velocity_processing.encoder_2.cutoff"].index
-
-_command_base, _command_full = chain("command", base=True), chain("command", base=False)
-_spring_base, _spring_full = chain("spring", base=True), chain("spring", base=False)
-_cart_1_base, _cart_1_full = chain("cart", "cart_1", base=True), chain("cart", "cart_1", base=False)
-_cart_2_base, _cart_2_full = chain("cart", "cart_2", base=True), chain("cart", "cart_2", base=False)
-_friction_1_base, _friction_1_full = (
-    chain("friction", "cart_1", base=True),
-    chain("friction", "cart_1", base=False),
-)
-_friction_2_base, _friction_2_full = (
-    chain("friction", "cart_2", base=True),
-    chain("friction", "cart_2", base=False),
-)
-_breakaway_1 = chain("breakaway", "cart_1", base=False)
-_breakaway_2 = chain("breakaway", "cart_2", base=False)
-_rates = chain("rates", base=False)
-_reading_1_base, _reading_1_full = (
-    chain("reading", "encoder_1", base=True),
-    chain("reading", "encoder_1", base=False),
-)
-_reading_2_base, _reading_2_full = (
-    chain("reading", "encoder_2", base=True),
-    chain("reading", "encoder_2", base=False),
-)
-
-
-@inlined
-def limited(u: float, p: Any) -> float:
-    """Return the command as the amplifier's limit lets it through [V]; this is what a rig records."""
-    return min(max(u, -p[LIMIT]), p[LIMIT])
-
-
-@inlined
-def spring_force(delta: float, rate: float, z: Any, r: int, p: Any) -> float:
-    """Return the spring's force on cart 2 [V] for the deflection x1 - x2 and its rate."""
-    if z is None:
-        return _spring_base(0.0, delta, rate, z, r, p)
-    return _spring_full(0.0, delta, rate, z, r, p)
-
-
-@inlined
-def force_1(x: float, v: float, u: float, fs: float, t: float, z: Any, r: int, p: Any) -> float:
-    """Return the force on cart 1 [V], all but Coulomb friction."""
-    if z is None:
-        return _cart_1_base(u - fs, x, v, fs, t, z, r, p)
-    return _cart_1_full(u - fs, x, v, fs, t, z, r, p)
-
-
-@inlined
-def force_2(x: float, v: float, fs: float, t: float, z: Any, r: int, p: Any) -> float:
-    """Return the force on cart 2 [V], all but Coulomb friction."""
-    if z is None:
-        return _cart_2_base(fs, x, v, fs, t, z, r, p)
-    return _cart_2_full(fs, x, v, fs, t, z, r, p)
-
-
-@inlined
-def level_1(x: float, v: float, s: float, fs: float, t: float, z: Any, r: int, p: Any) -> float:
-    """Return the Coulomb level of cart 1 [V] sliding in direction s."""
-    if z is None:
-        return _friction_1_base(0.0, x, v, s, fs, t, z, r, p)
-    return _friction_1_full(0.0, x, v, s, fs, t, z, r, p)
-
-
-@inlined
-def level_2(x: float, v: float, s: float, fs: float, t: float, z: Any, r: int, p: Any) -> float:
-    """Return the Coulomb level of cart 2 [V] sliding in direction s."""
-    if z is None:
-        return _friction_2_base(0.0, x, v, s, fs, t, z, r, p)
-    return _friction_2_full(0.0, x, v, s, fs, t, z, r, p)
-
-
-@inlined
-def hold_1(x: float, s: float, fs: float, t: float, z: Any, r: int, p: Any) -> float:
-    """Return the force [V] that cart 1 at rest withstands in direction s."""
-    level = level_1(x, 0.0, s, fs, t, z, r, p)
-    if z is None:
-        return level
-    return _breakaway_1(level, x, s, fs, t, z, r, p)
-
-
-@inlined
-def hold_2(x: float, s: float, fs: float, t: float, z: Any, r: int, p: Any) -> float:
-    """Return the force [V] that cart 2 at rest withstands in direction s."""
-    level = level_2(x, 0.0, s, fs, t, z, r, p)
-    if z is None:
-        return level
-    return _breakaway_2(level, x, s, fs, t, z, r, p)
-
-
-@inlined
-def margin_1(x1: float, x2: float, v2: float, u: float, t: float, z: Any, r: int, p: Any) -> tuple[float, float]:
-    """Return by how much the force on cart 1 at rest leaves the friction set [V], negative while held, and its sign."""
-    fs = spring_force(x1 - x2, -v2, z, r, p)
-    force = force_1(x1, 0.0, u, fs, t, z, r, p)
-    s = 1.0 if force > 0.0 else -1.0
-    return force * s - hold_1(x1, s, fs, t, z, r, p), s
-
-
-@inlined
-def margin_2(x1: float, x2: float, v1: float, t: float, z: Any, r: int, p: Any) -> tuple[float, float]:
-    """Return by how much the force on cart 2 at rest leaves the friction set [V], negative while held, and its sign."""
-    fs = spring_force(x1 - x2, v1, z, r, p)
-    force = force_2(x2, 0.0, fs, t, z, r, p)
-    s = 1.0 if force > 0.0 else -1.0
-    return force * s - hold_2(x2, s, fs, t, z, r, p), s
-
-
-@inlined
-def accelerations(
-    x1: float,
-    v1: float,
-    x2: float,
-    v2: float,
-    s1: float,
-    s2: float,
-    u: float,
-    t: float,
-    z: Any,
-    r: int,
-    p: Any,
-) -> tuple[float, float]:
-    """Return the accelerations [mm/s²] of both carts for fixed directions of sliding."""
-    fs = spring_force(x1 - x2, v1 - v2, z, r, p)
-    a1 = p[W1] * (force_1(x1, v1, u, fs, t, z, r, p) - s1 * level_1(x1, v1, s1, fs, t, z, r, p))
-    a2 = p[W2] * (force_2(x2, v2, fs, t, z, r, p) - s2 * level_2(x2, v2, s2, fs, t, z, r, p))
-    return (a1 if s1 != 0.0 else 0.0), (a2 if s2 != 0.0 else 0.0)
 
 
 @inlined
@@ -190,7 +51,7 @@ def _width(z: Any) -> int:
 @inlined
 def _slopes(slope: int, x1: float, v1: float, x2: float, v2: float, u: float, t: float, z: Any, r: int, p: Any) -> None:
     if z is not None:
-        _rates(slope * _width(z) - r, x1, v1, x2, v2, u, t, z, r, p)
+        rates(slope * _width(z) - r, x1, v1, x2, v2, u, t, z, r, p)
 
 
 @inlined
@@ -492,99 +353,3 @@ def _release(
                 after *= 0.5
             side = -1
     return high
-
-
-@inlined
-def advance(
-    x1: float,
-    v1: float,
-    x2: float,
-    v2: float,
-    command: float,
-    t: float,
-    sample_time: float,
-    substeps: int,
-    table: Any,
-    memory: Any,
-    z: Any,
-    p: Any,
-) -> tuple[float, float, float, float]:
-    """Advance the drive by one control sample under a held command; return x1, v1, x2, v2.
-
-    An input delay of whole samples plus a remainder makes the sample two pieces: the older command acts for the
-    remainder, the newer one for the rest.
-    """
-    u = _command_base(command, t, z, 0, p) if z is None else _command_full(command, t, z, 0, p)
-    delay = p[DELAY]
-    if delay == 0.0:
-        h = sample_time / substeps
-        for i in range(substeps):
-            x1, v1, x2, v2 = step(x1, v1, x2, v2, u, t + i * h, h, table, z, p)
-        return x1, v1, x2, v2
-
-    head = (int(memory[_HEAD]) + 1) % RING
-    memory[_HEAD] = head
-    memory[_COMMANDS + head] = u
-    # a delay that is whole up to round-off is whole
-    whole = int(delay / sample_time + 1e-9)
-    part = max(delay - whole * sample_time, 0.0)
-    older = memory[_COMMANDS + (head - whole - 1) % RING]
-    newer = memory[_COMMANDS + (head - whole) % RING]
-    h = part / substeps
-    if part > 0.0:
-        for i in range(substeps):
-            x1, v1, x2, v2 = step(x1, v1, x2, v2, older, t + i * h, h, table, z, p)
-    h = (sample_time - part) / substeps
-    for i in range(substeps):
-        x1, v1, x2, v2 = step(x1, v1, x2, v2, newer, t + part + i * h, h, table, z, p)
-    return x1, v1, x2, v2
-
-
-@inlined
-def decay(cutoff: float, sample_time: float) -> float:
-    """Return the share a of its past that the velocity filter keeps per sample; 0 for the raw difference."""
-    return exp(-2.0 * pi * cutoff * sample_time) if cutoff > 0.0 else 0.0
-
-
-@inlined
-def velocity(reading: float, previous: float, filtered: float, a: float, sample_time: float) -> float:
-    """Return the velocity made from two readings and its own past [mm/s]."""
-    raw = (reading - previous) / sample_time
-    return a * filtered + (1.0 - a) * raw
-
-
-@inlined
-def readings(x1: float, x2: float, t: float, z: Any, p: Any) -> tuple[float, float]:
-    """Return the positions that the encoders report [mm]."""
-    if z is None:
-        return _reading_1_base(x1, t, z, 0, p), _reading_2_base(x2, t, z, 0, p)
-    return _reading_1_full(x1, t, z, 0, p), _reading_2_full(x2, t, z, 0, p)
-
-
-@inlined
-def measure(
-    x1: float, x2: float, t: float, sample_time: float, memory: Any, z: Any, p: Any
-) -> tuple[float, float, float, float]:
-    """Return what the encoders report: positions [mm] and the velocities made from them [mm/s]."""
-    r1, r2 = readings(x1, x2, t, z, p)
-    q1 = velocity(r1, memory[_PREVIOUS_1], memory[_FILTERED_1], decay(p[CUTOFF_1], sample_time), sample_time)
-    q2 = velocity(r2, memory[_PREVIOUS_2], memory[_FILTERED_2], decay(p[CUTOFF_2], sample_time), sample_time)
-    memory[_PREVIOUS_1], memory[_PREVIOUS_2] = r1, r2
-    memory[_FILTERED_1], memory[_FILTERED_2] = q1, q2
-    return r1, r2, q1, q2
-
-
-@inlined
-def power_up(
-    x1: float, v1: float, x2: float, v2: float, memory: Any, z: Any, p: Any
-) -> tuple[float, float, float, float]:
-    """Clear the memory of one drive that starts in the given state; return its first readings."""
-    for i in range(MEMORY):
-        memory[i] = 0.0
-    if z is not None:
-        for i in range(7 * N_STATES):
-            z[i] = 0.0
-    r1, r2 = readings(x1, x2, 0.0, z, p)
-    memory[_PREVIOUS_1], memory[_PREVIOUS_2] = r1, r2
-    memory[_FILTERED_1], memory[_FILTERED_2] = v1, v2
-    return r1, r2, v1, v2

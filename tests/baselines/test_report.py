@@ -5,8 +5,9 @@ import re
 import pytest
 
 from baselines.report import build_report
-from baselines.report.build import find
 from baselines.report.discussion import measure_p_control
+from baselines.report.findings import find
+from baselines.report.sections import p_control_section
 from baselines.sample import FOLDER
 from identification import read_recordings
 
@@ -47,9 +48,7 @@ def test_faults_of_the_sample_are_listed(page):
 
 
 def test_report_without_p_control_simulates_it(recordings):
-    from baselines.report.build import _p_control
-
-    section = _p_control(find([r for r in recordings if not r.closed_loop]))
+    section = p_control_section(find([r for r in recordings if not r.closed_loop]))
     assert "simulated on the identified drive" in section.blocks[0].text
     assert sum(block.kind == "figure" for block in section.blocks) == 4
 

@@ -5,7 +5,7 @@ import numpy as np
 from flexdrive_gym import Drive
 from flexdrive_gym.drive import kernels, parameters
 from flexdrive_gym.drive.effects import N_STATES
-from flexdrive_gym.drive.step import WORK_SPACE
+from flexdrive_gym.drive.sample import WORK_SPACE
 
 RIG = {"m1": 7.6e-4, "m2": 3.4e-4, "b1": 0.0096, "b2": 0.0032, "d1": 0.357, "d2": 0.241, "k": 0.095}
 FRICTIONLESS = {**RIG, "d1": 0.0, "d2": 0.0}

@@ -1,0 +1,309 @@
+"""The sections of the report, each a function of the findings."""
+
+from __future__ import annotations
+
+from math import pi
+
+from baselines.experiments import p_control
+from baselines.report import discussion
+from baselines.report.findings import Findings
+from baselines.report.page import Section
+from baselines.stability_limit import ObservedLimit, explain
+from flexdrive_gym import Recording
+from identification import Identification, Validation
+from identification.likelihood import HANDOUT_RATIOS
+from identification.quantities import Quantity
+from identification.step_response import HandoutResult
+from identification.validation import Overlay
+
+
+def measured_limit(observed: ObservedLimit) -> str:
+    """Say what the recorded runs tell of the limit; empty if nothing."""
+    if observed.holds is None and observed.grows is None:
+        return ""
+    if observed.grows is None:
+        return f" On the rig {observed.holds:.4g} V/mm held, and no larger gain was tried."
+    if observed.holds is None:
+        return f" On the rig {observed.grows:.4g} V/mm was unstable, and no smaller gain was tried."
+    return f" On the rig {observed.holds:.4g} V/mm held and {observed.grows:.4g} V/mm grew."
+
+
+def faults(found: Findings) -> Section:
+    """List the data faults."""
+    section = Section("Sensor faults", "faults")
+    rows = [
+        (f.recording, f.where, f.id, f"{f.start_s:.3f}", f"{f.end_s:.3f}", f.note)
+        for r in found.recordings
+        for f in r.faults
+        if f.id != "saturation"
+    ]
+    if rows:
+        section.text(
+            "These samples are data faults, not physics: they are shaded in the plots and left out of every fit."
+        )
+        section.table(("recording", "channel", "fault", "from [s]", "to [s]", "note"), rows)
+    else:
+        section.text(
+            "None found: no encoder froze while the other cart moved, no counts were lost, no recording is a copy."
+        )
+    notes = [f"{r.name}: {note}" for r in found.recordings for note in r.notes]
+    if notes:
+        section.items(notes)
+    return section
+
+
+def p_control_section(found: Findings) -> Section:
+    """Show the P-control runs (2.1-2.4) and answer the two questions."""
+    from identification.plots import plot_recording  # noqa: PLC0415  (matplotlib)
+
+    section = Section("P-control (2.1–2.4)", "p-control")
+    runs = [r for r in found.recordings if r.closed_loop and r.x2 is not None and r.excitation.gain is not None]
+    drive = found.likely.drive
+    if not runs and drive.carts == 2:
+        section.text("No P-control run was recorded; these are simulated on the identified drive.")
+        limit = found.limits["x2"].critical_gain_simulated
+        gains = [0.05] + ([limit, 1.05 * limit] if limit is not None else [])
+        runs = [p_control(drive, g, "x2") for g in gains]
+        runs += [p_control(drive, gains[-1], "x1")] if limit is not None else []
+    if not runs:
+        section.text("There is no P-control run with a second cart.")
+        return section
+    order = sorted(runs, key=lambda r: (r.excitation.feedback == "x1", r.excitation.gain or 0.0))
+    measures = [discussion.measure_p_control(r) for r in order]
+    for r, m in zip(order, measures, strict=True):
+        kind = "collocated" if m.feedback == "x1" else "non-collocated"
+        state = "unstable" if m.unstable else "stable"
+        section.figure(
+            plot_recording(r),
+            f"{r.name}: {kind} P-control, Kp = {m.gain:.4g} V/mm, {state}. Shaded: encoder faults.",
+        )
+    section.table(
+        ("run", "feedback", "Kp [V/mm]", "rms e [mm]", "peak |e| [mm]", "|e| in dwells [mm]", "x2 swing in dwells [mm]", "grows"),
+        [
+            (m.name, m.feedback, f"{m.gain:.4g}", f"{m.error_rms:.2f}", f"{m.error_peak:.1f}", f"{m.dwell_error:.2f}",
+             f"{m.vibration:.2f}", "yes" if m.unstable else "no")
+            for m in measures
+        ],
+    )  # fmt: skip
+    section.heading("What is the effect of changing the P-control gain in non-collocated control?")
+    section.items(discussion.effect_of_gain(measures, drive, found.limits.get("x2")))
+    section.heading("What are the advantages and disadvantages of collocated control?")
+    section.items(discussion.collocation(measures, drive))
+    return section
+
+
+def step_responses(found: Findings) -> Section:
+    """Show the square waves (2.5)."""
+    from identification.plots import plot_recording  # noqa: PLC0415
+
+    section = Section("Velocity step responses (2.5)", "steps")
+    squares = [r for r in found.recordings if r.excitation.kind == "square"]
+    shown: dict[float, Recording] = {}
+    for r in squares:
+        shown.setdefault(round(r.excitation.amplitude, 2), r)
+    if not shown:
+        section.text("No square wave was recorded.")
+    for amplitude, r in sorted(shown.items()):
+        same = sum(round(q.excitation.amplitude, 2) == amplitude for q in squares)
+        section.figure(
+            plot_recording(r),
+            f"{r.name}: square of ±{amplitude:g} V, {r.excitation.frequency:g} Hz"
+            + (f" (one of {same} replicates)" if same > 1 else ""),
+        )
+    return section
+
+
+def sines(found: Findings) -> Section:
+    """Show a few sines (2.6)."""
+    from identification.plots import caption_of_sines, plot_sines  # noqa: PLC0415
+
+    section = Section("Sine responses (2.6)", "sines")
+    sines = [r for r in found.recordings if r.excitation.kind == "sine"]
+    if not sines:
+        section.text("No sine was recorded.")
+        return section
+    fn = found.likely.drive.linear.omega_n / (2.0 * pi) if found.likely.drive.carts == 2 else None
+    section.figure(plot_sines(sines, natural_frequency=fn), caption_of_sines(sines, natural_frequency=fn))
+    return section
+
+
+def _quantity_rows(found: Findings) -> list[tuple[str, ...]]:
+    symbols = {
+        "omega_d": "ωd",
+        "omega_n": "ωn",
+        "zeta": "ζ",
+        "alpha": "α = m2/m1",
+        "beta": "β = b2/b1",
+        "gamma": "γ = d2/d1",
+    }
+    handout = found.handout.quantities if isinstance(found.handout, Identification) else {}
+    rows: list[tuple[str, ...]] = []
+
+    def cell(q: Quantity | None) -> str:
+        return "–" if q is None else f"{q.value:.4g}"
+
+    for name, q in {**found.fit.quantities, **found.fit.ratios}.items():
+        told = (
+            cell(handout.get(name))
+            if name in handout
+            else f"{HANDOUT_RATIOS[name]:g}"
+            if name in HANDOUT_RATIOS
+            else "–"
+        )
+        tied = {**found.tied.quantities, **found.tied.ratios}.get(name) if found.tied is not None else None
+        bounds = f"{q.ci95[0]:.4g} … {q.ci95[1]:.4g}" if q.ci95 is not None else "assumed"
+        rows.append((symbols.get(name, name), q.unit, told, cell(tied), cell(q), bounds))
+    return rows
+
+
+def identification(found: Findings) -> Section:
+    """Show the quantities (3.2) and how each was found."""
+    from identification import plots  # noqa: PLC0415
+
+    section = Section("Identification (3.2)", "identification")
+    section.table(
+        ("quantity", "unit", "handout 3.2", "ML, handout's ratios", "ML, free", "95 % interval (free)"),
+        _quantity_rows(found),
+    )
+    if isinstance(found.handout, str):
+        section.text(f"The handout's method cannot be applied: {found.handout}")
+    else:
+        result = found.handout.result
+        assert isinstance(result, HandoutResult)
+        section.heading("Handout: how the values were read off")
+        section.figure(
+            plots.plot_steady_state(result),
+            "Steady velocity per amplitude, and Eq. (5) through them: slope 1/bT, intercept dT.",
+        )
+        section.figure(
+            plots.plot_time_constant(result),
+            "Time to 63 % of the output range on v1, and its bias under Coulomb friction.",
+        )
+        section.figure(plots.plot_damped_frequency(result), "Damped natural frequency from successive extrema of v2.")
+        section.figure(plots.plot_zeta_iteration(result), "Steps 1–6: iteration of ζ.")
+        section.items([*(f"{name}: {q.how}" for name, q in result.quantities.items()), *result.notes])
+    fit = found.fit
+    section.heading("Maximum likelihood: all open-loop recordings jointly")
+    section.text(
+        f"Output error on v1 and v2 with exact stick–slip friction: rms {fit.rms:.2f} mm/s over {fit.samples} samples. "
+        f"The residuals are coloured, so these are worth {fit.effective_samples:.0f} independent ones; the intervals say so."
+    )
+    section.items(
+        [f"start “{name}”: negative log-likelihood {cost:.0f}" for name, cost in fit.starts.items()] + list(fit.notes)
+    )
+    return section
+
+
+def time_domain(found: Findings) -> Section:
+    """Overlay simulation and recording (3.3)."""
+    from identification.plots import plot_validation  # noqa: PLC0415
+
+    section = Section("Validation in time (3.3)", "time")
+    if found.handout_validation is not None:
+        section.heading("The handout's values")
+        for overlay in _one_per_amplitude(found.handout_validation):
+            section.figure(plot_validation(overlay.measured, overlay.simulated), _overlay_caption(overlay))
+        section.text(
+            f"Over all velocities the handout's values leave {found.handout_validation.rms:.1f} mm/s rms; the maximum "
+            f"likelihood fit leaves {found.validation.rms:.1f} mm/s. If the time constant looks wrong, "
+            "“flexdrive identify --method handout --p VALUE” recomputes everything for another real pole."
+        )
+        section.heading("Maximum likelihood")
+    for overlay in _one_per_amplitude(found.validation):
+        section.figure(plot_validation(overlay.measured, overlay.simulated), _overlay_caption(overlay))
+    section.items(discussion.time_domain_observations(found.validation, found.likely.drive))
+    section.heading("Fit of every recording")
+    section.table(
+        ("recording", "channel", "rms", "floor", "unit", "NRMSE fit", "VAF", "autocorrelated", "input correlation"),
+        [
+            (f.recording, f.channel, _cell(f.rms), _cell(f.floor), f.unit, _cell(f.nrmse, "%"), _cell(f.vaf, "%"),
+             _cell(f.correlated, "%"), _cell(f.input_correlation))
+            for f in found.validation.fits()
+        ],
+    )  # fmt: skip
+    section.text(
+        "Floor: what does not repeat between periods or replicates. Autocorrelated: share of lags outside the 99 % band of "
+        "white noise. Input correlation: above 1, the command's past still explains part of the residual."
+    )
+    p_runs = [o for o in found.validation.overlays if o.measured.closed_loop and o.fits]
+    if p_runs:
+        section.heading("P-control predicted in the loop")
+        for overlay in p_runs:
+            section.figure(
+                plot_validation(overlay.measured, overlay.simulated),
+                f"{overlay.measured.name}: the identified drive in the same loop; no fit to this recording.",
+            )
+    return section
+
+
+def _one_per_amplitude(validation: Validation) -> list[Overlay]:
+    """Return the overlay of the first square wave of every amplitude, small first."""
+    shown: dict[float, Overlay] = {}
+    for overlay in validation.overlays:
+        if overlay.measured.excitation.kind == "square":
+            shown.setdefault(round(overlay.measured.excitation.amplitude, 2), overlay)
+    return [shown[amplitude] for amplitude in sorted(shown)]
+
+
+def _overlay_caption(overlay: Overlay) -> str:
+    fits = "; ".join(f"{f.channel} rms {f.rms:.1f} mm/s, VAF {f.vaf:.1%}" for f in overlay.fits)
+    return f"{overlay.measured.name}: measured and simulated. {fits}."
+
+
+def _cell(value: float, kind: str = "") -> str:
+    if value != value:  # noqa: PLR0124  (nan)
+        return "–"
+    return f"{value:.0%}" if kind == "%" else f"{value:.3g}"
+
+
+def frequency_domain(found: Findings) -> Section:
+    """Show the measured frequency response (3.4)."""
+    from identification.plots import plot_bode  # noqa: PLC0415
+
+    section = Section("Validation in frequency (3.4)", "frequency")
+    if found.table is None:
+        section.text("No sine was recorded.")
+        return section
+    section.table(*found.table.as_table())
+    if isinstance(found.handout, Identification):
+        section.heading("The handout's values")
+        for cart, figure in enumerate(plot_bode(found.handout.drive.linear, found.table), start=1):
+            section.figure(figure, f"s·G{cart} of Eq. (7) with the values of 3.2, and measured points.")
+        section.heading("Maximum likelihood")
+    drive = found.likely.drive
+    amplitude = found.table.amplitude
+    for cart, figure in enumerate(plot_bode(drive.linear, found.table, drive, amplitude), start=1):
+        section.figure(
+            figure,
+            f"s·G{cart}: linear model (solid), with Coulomb friction's describing function at ±{amplitude:g} V (dashed), and "
+            "measured points.",
+        )
+        section.items(discussion.frequency_domain_observations(found.table, drive, cart))
+    return section
+
+
+def stability(found: Findings) -> Section:
+    """Show poles, zeros and the stability limit."""
+    from identification.plots import plot_pole_zero  # noqa: PLC0415
+
+    section = Section("Poles, zeros and the stability limit", "stability")
+    drive = found.likely.drive
+    section.figure(
+        plot_pole_zero(drive.linear),
+        "Pole-zero maps (Figure 3): (a) collocated G1, (b) non-collocated G2, identified drive.",
+    )
+
+    def cell(value: float | None) -> str:
+        return "none below 10" if value is None else f"{value:.4g}"
+
+    section.table(
+        ("feedback", "critical gain, Routh [V/mm]", "simulated with friction [V/mm]", "phase margin at 0.05 V/mm [deg]"),
+        [
+            (name, cell(v.critical_gain_linear), cell(v.critical_gain_simulated),
+             "–" if v.phase_margin_deg is None else f"{v.phase_margin_deg:.1f}")
+            for name, v in found.limits.items()
+        ],
+    )  # fmt: skip
+    if "x2" in found.limits:
+        section.text(explain(drive, found.limits["x2"]) + measured_limit(found.observed))
+    return section
