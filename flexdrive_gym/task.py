@@ -31,6 +31,7 @@ DEFAULT_VELOCITY_CUTOFF_HZ = 30.0
 DEFAULT_REWARD: dict[str, float] = {"tracking": 1.0, "effort": 0.01, "rate": 0.01, "failure": 100.0}
 ERROR_SCALE_MM = 10.0
 RANDOM_REFERENCES = 64
+MOST_LATE = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,9 +84,9 @@ class Task:
         ``None``; ``"identified"`` for the drive's identified covariance; or parameter names with (low, high).
     effects
         Parameters to change in the drive, for example ``{"input_delay.tau": 0.002}``.
-    quantum, noise, velocity_cutoff
+    quantum, noise, velocity_cutoff, sensor_delay
         Encoder count [mm] (``None``: the drive's), rms of additional position noise [mm], cut-off of the velocity filter
-        [Hz] (``None``: the drive's, or 30 Hz; 0: raw difference).
+        [Hz] (``None``: the drive's, or 30 Hz; 0: raw difference), age of what the controller sees [s], whole periods.
     normalise
         Scale every entry of the observation to -1 … 1 by its bound.
     """
@@ -106,6 +107,7 @@ class Task:
     quantum: float | None = None
     noise: float = 0.0
     velocity_cutoff: float | None = None
+    sensor_delay: float = 0.0
     normalise: bool = False
 
     def __post_init__(self) -> None:
@@ -114,7 +116,7 @@ class Task:
             _positive(name, getattr(self, name))
         if self.voltage_limit is not None:
             _positive("voltage_limit", self.voltage_limit)
-        for name in ("noise", "quantum", "velocity_cutoff"):
+        for name in ("noise", "quantum", "velocity_cutoff", "sensor_delay"):
             value = getattr(self, name)
             if value is not None and not (_is_number(value) and 0.0 <= value < inf):
                 raise ValueError(f"{name}: must be a number of at least 0; got {value!r}.")
@@ -123,6 +125,12 @@ class Task:
             raise ValueError(
                 f"physics_step: the control period must be a whole number of physics steps; got {self.control_period:g} s "
                 f"over {self.physics_step:g} s. Use {self.control_period / max(1, round(ratio)):g} s."
+            )
+        late = self.sensor_delay / self.control_period
+        if abs(late - round(late)) > 1e-6 * max(late, 1.0) or late > MOST_LATE:
+            raise ValueError(
+                f"sensor_delay: must be a whole number of control periods, at most {MOST_LATE}; got {self.sensor_delay:g} s over "
+                f"{self.control_period:g} s. Use {min(MOST_LATE, round(late)) * self.control_period:g} s."
             )
         if self.duration < self.control_period:
             raise ValueError(f"duration: must be at least one control period; got {self.duration:g} s.")
@@ -156,6 +164,11 @@ class Task:
     def ahead(self) -> np.ndarray:
         """Preview in control periods, ndarray of int."""
         return np.array([round(a / self.control_period) for a in self.preview], dtype=np.int64)
+
+    @property
+    def late(self) -> int:
+        """Age of what the controller sees, in control periods."""
+        return round(self.sensor_delay / self.control_period)
 
     @property
     def substeps(self) -> int:

@@ -38,6 +38,8 @@ class FlexDriveVectorEnv(gymnasium.vector.VectorEnv[Observations, npt.NDArray[np
     physical_info
         Whether every step's ``info`` carries the physical units of all drives; at the end of an episode
         ``info["final_info"]`` carries them in any case (``same_step``).
+    threads
+        See :class:`~flexdrive_gym.fleet.Fleet`.
     max_episode_steps
         Time limit in control periods instead of ``duration``.
     **arguments
@@ -52,6 +54,7 @@ class FlexDriveVectorEnv(gymnasium.vector.VectorEnv[Observations, npt.NDArray[np
         *,
         autoreset_mode: str | AutoresetMode = "next_step",
         physical_info: bool = False,
+        threads: int = 1,
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
         **arguments: Any,
@@ -71,7 +74,9 @@ class FlexDriveVectorEnv(gymnasium.vector.VectorEnv[Observations, npt.NDArray[np
         self.task = Task(**arguments)
         self.num_envs = int(num_envs)
         self.metadata = {**type(self).metadata, "autoreset_mode": mode}
-        self.fleet = Fleet(self.task, self.num_envs)
+        if not isinstance(threads, int) or threads < 1:
+            raise ValueError(f"threads: must be a whole number of at least 1; got {threads!r}.")
+        self.fleet = Fleet(self.task, self.num_envs, threads)
         self.physical_info = physical_info
         self.single_action_space, self.single_observation_space = action_space(), observation_space(self.fleet)
         self.action_space = batch_space(self.single_action_space, self.num_envs)

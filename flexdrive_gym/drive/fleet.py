@@ -45,8 +45,8 @@ ERROR_SCALE, VOLTAGE, HORIZON, NOISE = 7, 8, 9, 10
 TASK_ENTRIES = 11
 
 # entries of ``sizes``
-DRIVES, SENSING, SUBSTEPS, MODELS, ENTRIES, PREVIEWS, SAMPLES, REFERENCES, ONE_BY_ONE, DRAWN, JOINT = range(11)
-SIZES = 11
+DRIVES, SENSING, SUBSTEPS, MODELS, ENTRIES, PREVIEWS, SAMPLES, REFERENCES, ONE_BY_ONE, DRAWN, JOINT, LATE = range(12)
+SIZES = 12
 
 # entries of ``addresses``, one array each; shapes in the handbook of :class:`~flexdrive_gym.fleet.Fleet`
 ARRAYS = (
@@ -75,11 +75,12 @@ ARRAYS = (
     "lowest",
     "highest",
     "factor",
+    "line",
 )
 _PLACE = {name: i for i, name in enumerate(ARRAYS)}
 A_ACTIONS, A_TASK, A_STATE, A_CLOCK, A_ROW, A_SEEDS, A_P, A_TABLES, A_MEMORY, A_SCRATCH = range(10)
 A_REFERENCES, A_AHEAD, A_SCALE, A_BOUND, A_WORK, A_OBSERVATION, A_REWARD, A_TERMINATED, A_TRUNCATED = range(10, 19)
-A_NOMINAL, A_WHICH, A_INVERSE, A_LOWEST, A_HIGHEST, A_FACTOR = range(19, 25)
+A_NOMINAL, A_WHICH, A_INVERSE, A_LOWEST, A_HIGHEST, A_FACTOR, A_LINE = range(19, 26)
 
 # columns of ``tables``: the step's table, what the velocity filters keep, work space
 DECAY_1, DECAY_2 = TABLE + N_PARAMETERS, TABLE + N_PARAMETERS + 1
@@ -292,6 +293,18 @@ def _sense(low: int, n: int, shared: bool, period: float, clock: Any, p: Any, z:
 
 
 @inlined
+def _delay_readings(low: int, n: int, late: int, clock: Any, line: Any, work: Any) -> None:
+    """Swap the readings for those of ``late`` control periods ago; ``line`` is a ring of them per drive."""
+    for i in range(n):
+        j = low + i
+        slot = shifted(line, (j * late + clock[j] % late) * 4)
+        for k in range(4):
+            now = work[(READ_1 + k) * LANES + i]
+            work[(READ_1 + k) * LANES + i] = slot[k]
+            slot[k] = now
+
+
+@inlined
 def _judge(n: int, task: Any, work: Any) -> None:
     """Compare the controlled cart (cart 2, or the only one) with the reference; charge error, effort and failure."""
     per_error, per_volt, travel, stroke = 1.0 / task[ERROR_SCALE], 1.0 / task[VOLTAGE], task[TRAVEL], task[STROKE]
@@ -382,7 +395,7 @@ def step_fleet(low: int, high: int, sizes: Any, addresses: Any, z: Any) -> None:
     work, observation = floats_at(addresses[A_WORK]), singles_at(addresses[A_OBSERVATION])
     reward = floats_at(addresses[A_REWARD])
     terminated, truncated = flags_at(addresses[A_TERMINATED]), flags_at(addresses[A_TRUNCATED])
-    extra = pointer(z)
+    extra, late = pointer(z), sizes[LATE]
 
     period, noise, horizon = task[PERIOD], task[NOISE], task[HORIZON]
     if shared:
@@ -415,6 +428,8 @@ def step_fleet(low: int, high: int, sizes: Any, addresses: Any, z: Any) -> None:
             column = shifted(state, k * drives + begin)
             for i in range(n):
                 column[i] = work[k * LANES + i]
+        if late > 0:
+            _delay_readings(begin, n, late, clock, floats_at(addresses[A_LINE]), work)
         for i in range(n):
             j = begin + i
             lost = work[_EVENT + i] > 0.0
@@ -527,6 +542,13 @@ def reset_fleet(low: int, high: int, mask: Any, start: Any, sizes: Any, addresse
             for k in range(N_STATES):
                 extra[j * N_STATES + k] = 0.0
         r1, r2 = readings(start[0], start[2], 0.0, space, q)
+        line = floats_at(addresses[A_LINE])
+        for k in range(sizes[LATE]):
+            slot = shifted(line, (j * sizes[LATE] + k) * 4)
+            slot[0] = r1
+            slot[1] = r2
+            slot[2] = start[1]
+            slot[3] = start[3]
         state[READ_1 * drives + j] = r1
         state[READ_2 * drives + j] = r2
         state[SPEED_1 * drives + j] = start[1]

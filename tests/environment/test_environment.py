@@ -168,6 +168,16 @@ def test_preview_is_the_reference_to_come():
     assert first[-1] == later[39][3]
 
 
+def test_late_sensors_show_the_past():
+    now, late = (gymnasium.make(IDS[2], sensor_delay=d) for d in (0.0, 0.02))
+    a, b = [now.reset(seed=0)[0]], [late.reset(seed=0)[0]]
+    for _ in range(60):
+        a.append(now.step([0.4])[0])
+        b.append(late.step([0.4])[0])
+    assert np.array_equal(np.array(a)[:-4, :4], np.array(b)[4:, :4])
+    assert np.array_equal(np.array(a)[:, 5], np.array(b)[:, 5])  # the reference is no sensor
+
+
 def test_effects_change_the_drive():
     slow = gymnasium.make(NON_COLLOCATED, effects={"input_delay.tau": 0.01})
     plain = gymnasium.make(NON_COLLOCATED)
@@ -229,6 +239,7 @@ def test_p_control_through_the_environment_has_the_simulated_critical_gain():
         ({"randomise": {"m1": (2.0, 1.0)}}, "m1 must be \\(low, high\\)"),
         ({"randomise": {"mass": (2.0, 1.0)}}, "randomise: parameter: no parameter"),
         ({"effects": {"stribek.cart_1.vs": 1.0}}, "effects: parameter: no parameter"),
+        ({"sensor_delay": 0.007}, "sensor_delay: must be a whole number of control periods"),
         ({"noise": -1.0}, "noise: must be a number of at least 0"),
         ({"duration": float("nan")}, "duration: must be a positive number"),
     ],

@@ -20,6 +20,7 @@ VARIANTS = {
     "randomised": RANDOM,
     "delayed": {"effects": {"input_delay.tau": 0.0033}, "noise": 0.02},
     "1 ms": {"control_period": 1e-3},
+    "late sensors": {"sensor_delay": 0.015, "noise": 0.02},
     "frictionless": {"drive": Drive({**RIG, "d1": 0.0, "d2": 0.0})},
 }
 
@@ -131,6 +132,18 @@ def test_spaces_and_batches_match():
     assert env.action_space.shape == (5, 1)
 
 
+@pytest.mark.parametrize("arguments", [{}, RANDOM])
+def test_threads_change_nothing(arguments):
+    envs = [batched(5000, threads=threads, duration=0.1, **arguments) for threads in (1, 2)]
+    actions = np.random.default_rng(8).uniform(-1, 1, (40, 5000, 1)).astype(np.float32)
+    first = [env.reset(seed=1)[0] for env in envs]
+    assert np.array_equal(*first)
+    for action in actions:
+        a, b = (env.step(action) for env in envs)
+        for x, y in zip(a[:4], b[:4], strict=True):
+            assert np.array_equal(x, y)
+
+
 def test_memory_per_environment_is_small():
     env = batched(1000, **RANDOM)
     used = sum(a.nbytes for name, a in env.fleet.arrays.items() if name not in {"references", "work"})
@@ -142,6 +155,7 @@ def test_memory_per_environment_is_small():
     [
         ({"num_envs": 0}, "num_envs"),
         ({"num_envs": 2, "autoreset_mode": "later"}, "autoreset_mode: must be among"),
+        ({"num_envs": 2, "threads": 0}, "threads: must be a whole number"),
         ({"num_envs": 2, "render_mode": "human"}, "draws nothing"),
     ],
 )
