@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import pi
 
-from baselines.experiments import p_control
+from baselines.experiments import stability_experiments
 from baselines.report import discussion
 from baselines.report.findings import Findings
 from baselines.report.page import Section
@@ -59,15 +60,19 @@ def p_control_section(found: Findings) -> Section:
     section = Section("P-control (2.1–2.4)", "p-control")
     runs = [r for r in found.recordings if r.closed_loop and r.x2 is not None and r.excitation.gain is not None]
     drive = found.likely.drive
-    if not runs and drive.carts == 2:
-        section.text("No P-control run was recorded; these are simulated on the identified drive.")
-        limit = found.limits["x2"].critical_gain_simulated
-        gains = [0.05] + ([limit, 1.05 * limit] if limit is not None else [])
-        runs = [p_control(drive, g, "x2") for g in gains]
-        runs += [p_control(drive, gains[-1], "x1")] if limit is not None else []
-    if not runs:
-        section.text("There is no P-control run with a second cart.")
+    if drive.carts == 1:
+        section.text("There is no second cart to control.")
         return section
+    feedbacks = [r.excitation.feedback for r in runs]
+    if feedbacks.count("x2") < 2 or "x1" not in feedbacks:
+        have = "No P-control run was" if not runs else f"Only {len(runs)} of the four P-control runs (2.1–2.4) "
+        was = "" if not runs else "was " if len(runs) == 1 else "were "
+        section.text(f"{have}{was} recorded; those named “simulated” are the identified drive's.".replace("  ", " "))
+        runs += [
+            replace(r, name=f"simulated: {r.name}")
+            for r in stability_experiments(drive).values()
+            if not any(_same_run(r, q) for q in runs)
+        ]
     order = sorted(runs, key=lambda r: (r.excitation.feedback == "x1", r.excitation.gain or 0.0))
     measures = [discussion.measure_p_control(r) for r in order]
     for r, m in zip(order, measures, strict=True):
@@ -90,6 +95,11 @@ def p_control_section(found: Findings) -> Section:
     section.heading("What are the advantages and disadvantages of collocated control?")
     section.items(discussion.collocation(measures, drive))
     return section
+
+
+def _same_run(a: Recording, b: Recording) -> bool:
+    gains = a.excitation.gain or 0.0, b.excitation.gain or 0.0
+    return a.excitation.feedback == b.excitation.feedback and abs(gains[0] - gains[1]) < 0.01 * max(gains)
 
 
 def step_responses(found: Findings) -> Section:

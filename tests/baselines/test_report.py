@@ -49,7 +49,10 @@ def test_faults_of_the_sample_are_listed(page):
 
 def test_report_without_p_control_simulates_it(recordings):
     section = p_control_section(find([r for r in recordings if not r.closed_loop]))
-    assert "simulated on the identified drive" in section.blocks[0].text
+    assert "No P-control run was recorded" in section.blocks[0].text
+    text = " ".join(line for block in section.blocks for line in block.lines)
+    assert "Raising Kp" in text
+    assert "Advantage: stability" in text
     assert sum(block.kind == "figure" for block in section.blocks) == 4
 
 

@@ -59,6 +59,8 @@ def test_experiments_are_stable_critical_unstable_and_collocated():
     runs = stability_experiments(RIG_DRIVE)
     assert list(runs) == ["2.1", "2.2", "2.3", "2.4"]
     assert not grows(runs["2.1"])
+    assert not grows(runs["2.2"])
+    assert grows(runs["2.3"])
     assert not grows(runs["2.4"])
     assert runs["2.3"].excitation.gain > runs["2.2"].excitation.gain
     assert runs["2.4"].excitation.gain == pytest.approx(runs["2.3"].excitation.gain)
