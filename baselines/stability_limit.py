@@ -17,14 +17,13 @@ import numpy as np
 
 from flexdrive_gym import Drive, Recording
 from flexdrive_gym.drive import kernels, parameters
+from flexdrive_gym.drive.default import HANDOUT_LIMIT_V, HANDOUT_QUANTUM_MM
 from flexdrive_gym.drive.sample import WORK_SPACE
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.references import point_to_point
 
 Feedback = Literal["x1", "x2"]
 
-HANDOUT_QUANTUM_MM = 0.0046592
-HANDOUT_LIMIT_V = 8.0
 HANDOUT_GAIN = 0.05
 LARGEST_GAIN = 10.0
 _SMALLEST_GAIN = 1e-3

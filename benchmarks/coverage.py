@@ -11,45 +11,39 @@ from rich.progress import track
 from scipy.stats import binomtest
 
 from baselines.experiments import FREQUENCIES_HZ
+from baselines.sample.make import coloured_force
+from baselines.stability_limit import with_rig
 from flexdrive_gym import Drive, Excitation, Recording
 from flexdrive_gym.references import sine, square
 from identification.likelihood import identify_by_likelihood
 
 DRAWS = 100
 NAMES = ("m1", "m2", "b1", "b2", "d1", "d2", "k")
-QUANTUM = 0.0046592
 T = np.arange(8001) * 1e-3
-# a rough track: force noise of 30 mV rms with a correlation time of 50 ms
-FORCE_V, CORRELATION_S = 0.03, 0.05
 
 
 def random_drive(rng: np.random.Generator) -> Drive:
     m1 = rng.uniform(4e-4, 8e-4)
     b1 = rng.uniform(0.006, 0.012)
     d1 = rng.uniform(0.25, 0.5)
-    return Drive(
-        {
-            "m1": m1,
-            "m2": m1 * rng.uniform(0.4, 0.6),
-            "b1": b1,
-            "b2": b1 * rng.uniform(0.1, 0.35),
-            "d1": d1,
-            "d2": d1 * rng.uniform(0.1, 0.6),
-            "k": rng.uniform(0.06, 0.12),
-            "encoder_quantisation.encoder_1.quantum": QUANTUM,
-            "encoder_quantisation.encoder_2.quantum": QUANTUM,
-        }
+    return with_rig(
+        Drive(
+            {
+                "m1": m1,
+                "m2": m1 * rng.uniform(0.4, 0.6),
+                "b1": b1,
+                "b2": b1 * rng.uniform(0.1, 0.35),
+                "d1": d1,
+                "d2": d1 * rng.uniform(0.1, 0.6),
+                "k": rng.uniform(0.06, 0.12),
+            }
+        )
     )
 
 
 def disturbed(drive: Drive, kind: str, amplitude: float, frequency: float, rng: np.random.Generator) -> Recording:
     u = (square if kind == "square" else sine)(T, amplitude, frequency)
-    a = np.exp(-1e-3 / CORRELATION_S)
-    white = rng.normal(size=len(T)) * FORCE_V * np.sqrt(1 - a * a)
-    force = np.empty(len(T))
-    force[0] = FORCE_V * rng.normal()
-    for n in range(1, len(T)):
-        force[n] = a * force[n - 1] + white[n]
+    force = coloured_force(len(T), rng)
     run = drive.simulate(T, u + force, name=f"{kind} {amplitude} {frequency} {rng.integers(1 << 30)}")
     return replace(run, u=u, x1=None, x2=None, excitation=Excitation(kind, amplitude, frequency))  # type: ignore[arg-type]
 

@@ -1,5 +1,8 @@
 """Steps per second of the environments as ratios to Gymnasium's own, taking turns in one process on one thread."""
 
+import subprocess
+import sys
+
 import gymnasium
 import numpy as np
 
@@ -42,6 +45,7 @@ def batch(env: gymnasium.vector.VectorEnv, calls: int) -> object:
 
 
 def main() -> None:
+    footprint()
     jobs = {name: single(gymnasium.make(name)) for name in (ID, "CartPole-v1", "Pendulum-v1")}
     for job in jobs.values():
         job()  # type: ignore[operator]
@@ -64,10 +68,17 @@ def main() -> None:
         print(f"{n:6d} × {label}: {rate / 1e6:6.2f}M steps/s, {ratio:5.2f} × CartPole's batch (aim {aim:g})")
 
 
+def footprint() -> None:
+    """Print what importing costs beyond numpy and gymnasium, and what a drive of a randomised batch takes."""
+    code = (
+        "import time, numpy, gymnasium; t = time.process_time(); import flexdrive_gym; print(time.process_time() - t)"
+    )
+    runs = [subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True) for _ in range(5)]
+    print(f"import: {np.median([float(r.stdout) for r in runs]):.2f} s of CPU beyond numpy and gymnasium (aim 0.3)")
+    env = _batched(ID, 1000, randomise={"m1": (6e-4, 9e-4)})
+    used = sum(a.nbytes for name, a in env.unwrapped.fleet.arrays.items() if name not in {"references", "work"})
+    print(f"memory: {used / 1000:.0f} bytes per drive of a randomised batch (aim 1 kB)")
+
+
 def _batched(name: str, n: int, **arguments: float) -> gymnasium.vector.VectorEnv:
     return gymnasium.make_vec(name, num_envs=n, vectorization_mode="vector_entry_point", **arguments)
-
-
-if __name__ == "__main__":
-    np.seterr(all="raise")
-    main()

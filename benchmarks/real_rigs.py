@@ -14,8 +14,9 @@ from baselines.stability_limit import observed_limit, stability_limit
 from flexdrive_gym import Recording
 from flexdrive_gym.files import write_atomically
 from identification import identify, read_recordings, validate
-from identification.likelihood import HANDOUT_RATIOS, identify_by_likelihood, improvement
+from identification.likelihood import identify_by_likelihood, improvement
 from identification.plots.style import moving_mean
+from identification.quantities import HANDOUT_RATIOS
 from identification.validation import simulate_like
 
 ROOT = Path(__file__).parents[1]

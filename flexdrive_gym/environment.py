@@ -69,7 +69,6 @@ class FlexDriveEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         # a picture per step is what recorders take, so a video plays in real time at this rate
         self.metadata = {**type(self).metadata, "render_fps": round(1.0 / self.task.control_period)}
         self.render_mode = render_mode
-        self._arguments = arguments
         self._build()
 
     def _build(self) -> None:

@@ -12,7 +12,7 @@ Two conventions matter at 1 kHz and are the rig's own:
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -174,7 +174,3 @@ class Recording:
             if fault.where in (where, "recording"):
                 ok &= ~((self.t >= fault.start_s - half) & (self.t <= fault.end_s + half))
         return ok
-
-    def with_faults(self, faults: tuple[Fault, ...]) -> Recording:
-        """Return the same run with other faults."""
-        return replace(self, faults=faults)

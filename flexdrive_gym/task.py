@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 
 from flexdrive_gym.drive import parameters
-from flexdrive_gym.drive.default import DEFAULT_DRIVE
+from flexdrive_gym.drive.default import DEFAULT_DRIVE, HANDOUT_LIMIT_V
 from flexdrive_gym.drive.drive import Drive
 from flexdrive_gym.drive.toml import load_drive
 from flexdrive_gym.recording import FloatArray
@@ -25,7 +25,6 @@ from flexdrive_gym.references import is_random, sample_reference
 Sensing = Literal["collocated", "non_collocated", "full_state"]
 SENSINGS: dict[str, int] = {"collocated": 1, "non_collocated": 2, "full_state": 3}
 
-DEFAULT_VOLTAGE_V = 8.0
 # a raw difference over one control period is coarse; this is what a student's derivative filter does
 DEFAULT_VELOCITY_CUTOFF_HZ = 30.0
 DEFAULT_REWARD: dict[str, float] = {"tracking": 1.0, "effort": 0.01, "rate": 0.01, "failure": 100.0}
@@ -158,7 +157,7 @@ class Task:
         if self.voltage_limit is not None:
             return self.voltage_limit
         own = self.rig.voltage_limit
-        return own if isfinite(own) else DEFAULT_VOLTAGE_V
+        return own if isfinite(own) else HANDOUT_LIMIT_V
 
     @property
     def ahead(self) -> np.ndarray:

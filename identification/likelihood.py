@@ -31,10 +31,8 @@ from flexdrive_gym import Covariance, Drive, Provenance, __version__
 from flexdrive_gym.recording import FloatArray, Recording
 from identification.equation_error import start_values
 from identification.output_error import Run, block_residuals, prepare, residuals
-from identification.quantities import Quantity, derived_quantities
+from identification.quantities import HANDOUT_RATIOS, RATIOS, Quantity, derived_quantities
 
-HANDOUT_RATIOS = {"alpha": 0.54, "beta": 0.1, "gamma": 0.1}
-RATIOS = {"alpha": ("m2", "m1"), "beta": ("b2", "b1"), "gamma": ("d2", "d1")}
 _LOGARITHMIC = frozenset({"m1", "m2", "k"})
 _ROUNDS = 3
 _COARSE = 8
@@ -245,9 +243,7 @@ def _starts(begin: Mapping[str, float], given: Mapping[str, float] | None) -> di
         starts["heavier cart 2"] = {**begin, "m2": 1.5 * begin["m2"], "k": 1.3 * begin["k"]}
         starts["handout ratios"] = {
             **begin,
-            "m2": 0.54 * begin["m1"],
-            "b2": 0.1 * begin["b1"],
-            "d2": 0.1 * begin["d1"],
+            **{dependent: HANDOUT_RATIOS[r] * begin[free] for r, (dependent, free) in RATIOS.items()},
             "k": 1.2 * begin["k"],
         }
     return starts

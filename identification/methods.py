@@ -9,7 +9,7 @@ from typing import Literal
 
 from flexdrive_gym import Drive, Recording
 from identification.likelihood import MaximumLikelihood, identify_by_likelihood
-from identification.quantities import Quantity
+from identification.quantities import HANDOUT_RATIOS, Quantity
 from identification.recordings import read_recordings
 from identification.step_response import HandoutResult, identify_by_handout
 
@@ -97,7 +97,7 @@ def identify(
     if method == "handout":
         if damping:
             raise ValueError("damping: the handout assumes C = 0; got damping=True. Use method='ml'.")
-        handout = identify_by_handout(runs, **{"alpha": 0.54, "beta": 0.1, "gamma": 0.1, **(ties or {})}, p=p)
+        handout = identify_by_handout(runs, **{**HANDOUT_RATIOS, **(ties or {})}, p=p)
         drive = handout.drive()
         return Identification(drive.replace(rig, intervals=drive.intervals), handout.quantities, method, handout)
     if p is not None:

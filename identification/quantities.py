@@ -14,7 +14,9 @@ UNITS = {
     "mT": "V s²/mm", "m1": "V s²/mm", "m2": "V s²/mm", "omega_d": "rad/s", "k": "V/mm", "zeta": "",
     "omega_n": "rad/s", "C": "V s/mm",
 }  # fmt: skip
-RATIO_NAMES = ("alpha", "beta", "gamma")
+# the handout's ratios: what over what, and the values it assumes (3.1)
+RATIOS = {"alpha": ("m2", "m1"), "beta": ("b2", "b1"), "gamma": ("d2", "d1")}
+HANDOUT_RATIOS = {"alpha": 0.54, "beta": 0.1, "gamma": 0.1}
 
 
 @dataclass(frozen=True)
@@ -71,9 +73,8 @@ def ratios(drive: Drive) -> dict[str, float]:
     """Return alpha = m2/m1, beta = b2/b1, gamma = d2/d1 (nan where a denominator is 0)."""
     if drive.carts == 1:
         return {}
-    pairs = {"alpha": ("m2", "m1"), "beta": ("b2", "b1"), "gamma": ("d2", "d1")}
     # a friction that rests at its bound is zero up to the optimiser's distance from it
-    return {n: drive[a] / drive[b] if drive[b] > 1e-3 * drive[a] else float("nan") for n, (a, b) in pairs.items()}
+    return {n: drive[a] / drive[b] if drive[b] > 1e-3 * drive[a] else float("nan") for n, (a, b) in RATIOS.items()}
 
 
 def derived_quantities(
@@ -96,19 +97,18 @@ def derived_quantities(
             spread if known else None,
             (value - quantile * spread, value + quantile * spread) if known and spread is not None else None,
         )
-    found = {n: q for n, q in result.items() if n not in RATIO_NAMES}
-    return found, {n: q for n, q in result.items() if n in RATIO_NAMES}
+    found = {n: q for n, q in result.items() if n not in RATIOS}
+    return found, {n: q for n, q in result.items() if n in RATIOS}
 
 
 def _gradient(drive: Drive, centre: Mapping[str, float], ties: Mapping[str, float]) -> dict[str, np.ndarray]:
     names = drive.covariance.names if drive.covariance is not None else ()
     columns = []
-    dependent = {"alpha": ("m1", "m2"), "beta": ("b1", "b2"), "gamma": ("d1", "d2")}
     for name in names:
         step = 1e-4 * max(abs(drive[name]), 1e-6)
         changes = {name: drive[name] + step}
         for tie, factor in ties.items():
-            free, follows = dependent[tie]
+            follows, free = RATIOS[tie]
             if free == name:
                 changes[follows] = factor * changes[name]
         moved = drive.replace(changes)

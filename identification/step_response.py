@@ -32,7 +32,7 @@ from identification.handout_steps import (
     steady_state_line,
     time_to_63_percent,
 )
-from identification.quantities import UNITS, Quantity
+from identification.quantities import HANDOUT_RATIOS, UNITS, Quantity
 
 __all__ = [
     "HandoutResult",
@@ -145,9 +145,9 @@ class HandoutResult:
 def identify_by_handout(
     recordings: Sequence[Recording],
     *,
-    alpha: float = 0.54,
-    beta: float = 0.1,
-    gamma: float = 0.1,
+    alpha: float = HANDOUT_RATIOS["alpha"],
+    beta: float = HANDOUT_RATIOS["beta"],
+    gamma: float = HANDOUT_RATIOS["gamma"],
     p: float | None = None,
 ) -> HandoutResult:
     """Identify the drive as handout 3.2 prescribes, from all square-wave runs.

@@ -22,6 +22,7 @@ from scipy.signal import correlate
 from scipy.stats import chi2
 
 from flexdrive_gym import Drive, PControl, Recording
+from flexdrive_gym.drive.default import HANDOUT_LIMIT_V
 from flexdrive_gym.recording import BoolArray, FloatArray
 from identification.floor import measure_floor
 from identification.output_error import BLOCK_S, prepare, simulate_run
@@ -106,7 +107,11 @@ def simulate_like(drive: Drive, recording: Recording) -> Recording:
     """
     if recording.closed_loop and recording.xr is not None and recording.excitation.gain is not None:
         feedback = recording.excitation.feedback or "x2"
-        limit = {} if "saturation.limit" in drive.values else {"saturation.limit": recording.excitation.limit or 8.0}
+        limit = (
+            {}
+            if "saturation.limit" in drive.values
+            else {"saturation.limit": recording.excitation.limit or HANDOUT_LIMIT_V}
+        )
         start = [0.0 if x is None else float(x[0]) for x in (recording.x1, recording.x2)]
         return drive.replace(limit).simulate_closed_loop(
             recording.t,

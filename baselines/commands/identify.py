@@ -12,6 +12,7 @@ from baselines.commands._output import Json, Recordings, interval, number, print
 
 if TYPE_CHECKING:
     from identification import Identification, MaximumLikelihood
+    from identification.quantities import Quantity
 
 
 class Method(StrEnum):
@@ -41,7 +42,8 @@ def identify(
     from flexdrive_gym import save_drive  # noqa: PLC0415
     from identification import identify as run  # noqa: PLC0415
     from identification import read_recordings  # noqa: PLC0415
-    from identification.likelihood import HANDOUT_RATIOS, identify_by_likelihood  # noqa: PLC0415
+    from identification.likelihood import identify_by_likelihood  # noqa: PLC0415
+    from identification.quantities import HANDOUT_RATIOS  # noqa: PLC0415
 
     ties = {n: v for n, v in (("alpha", alpha), ("beta", beta), ("gamma", gamma)) if v is not None}
     with progress() as bar:
@@ -88,6 +90,13 @@ def _as_json(found: Identification, tied: MaximumLikelihood | None, output: Path
     return result
 
 
+def _spread(q: Quantity) -> str:
+    """Return the interval, or what is known of the reading's error."""
+    if q.ci95 is not None or q.standard_error is None:
+        return interval(q.ci95)
+    return f"± {q.standard_error:.2g} (1 s.e.)"
+
+
 def _print(found: Identification, tied: MaximumLikelihood | None, output: Path, remarks: list[str]) -> None:
     from identification import MaximumLikelihood  # noqa: PLC0415
     from identification.likelihood import improvement  # noqa: PLC0415
@@ -99,7 +108,7 @@ def _print(found: Identification, tied: MaximumLikelihood | None, output: Path, 
     table(
         f"identified by {'the handout' if found.method == 'handout' else 'maximum likelihood'}",
         ["quantity", "value", "95 % interval", "unit", "how"],
-        [[name, number(q.value, 5), interval(q.ci95), q.unit or "–", q.how] for name, q in rows.items()],
+        [[name, number(q.value, 5), _spread(q), q.unit or "–", q.how] for name, q in rows.items()],
     )
     if isinstance(result, MaximumLikelihood):
         say(

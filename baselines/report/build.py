@@ -9,7 +9,8 @@ from baselines.report.findings import STEPS, Findings, Progress, find
 from baselines.report.page import render
 from baselines.stability_limit import explain
 from flexdrive_gym import Recording, __version__
-from identification.likelihood import HANDOUT_RATIOS, improvement
+from identification.likelihood import improvement
+from identification.quantities import HANDOUT_RATIOS
 
 __all__ = ["STEPS", "build_report"]
 

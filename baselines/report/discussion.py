@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from baselines.stability_limit import HANDOUT_LIMIT_V, StabilityLimit, grows
+from baselines.stability_limit import StabilityLimit, grows
 from flexdrive_gym import Drive, Recording
+from flexdrive_gym.drive.default import HANDOUT_LIMIT_V
 
 if TYPE_CHECKING:
     from identification import Validation

@@ -10,7 +10,8 @@ from baselines.stability_limit import ObservedLimit, StabilityLimit, observed_li
 from flexdrive_gym import Recording
 from identification import Identification, Validation, identify, validate
 from identification.frequency_response import FrequencyTable, measure_frequency_response
-from identification.likelihood import HANDOUT_RATIOS, MaximumLikelihood, identify_by_likelihood
+from identification.likelihood import MaximumLikelihood, identify_by_likelihood
+from identification.quantities import HANDOUT_RATIOS
 
 STEPS = 8
 Progress = Callable[[str], None]

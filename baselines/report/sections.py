@@ -12,8 +12,7 @@ from baselines.report.page import Section
 from baselines.stability_limit import ObservedLimit, explain
 from flexdrive_gym import Recording
 from identification import Identification, Validation
-from identification.likelihood import HANDOUT_RATIOS
-from identification.quantities import Quantity
+from identification.quantities import HANDOUT_RATIOS, Quantity
 from identification.step_response import HandoutResult
 from identification.validation import Overlay
 

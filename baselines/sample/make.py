@@ -16,6 +16,7 @@ from baselines.experiments import FREQUENCIES_HZ, P_CONTROL_S, TRAVEL_MM
 from baselines.sample import FOLDER
 from baselines.stability_limit import critical_gain, with_rig
 from flexdrive_gym import Drive, Excitation, Observation, Recording
+from flexdrive_gym.drive.default import HANDOUT_LIMIT_V
 from flexdrive_gym.references import handout_trajectory, sine, square
 from identification.recordings import write_recording
 
@@ -50,11 +51,12 @@ class _Disturbed:
 
     def __call__(self, observation: Observation, /) -> float:
         x = observation.x1 if self.feedback == "x1" else observation.x2
-        self.commands.append(float(np.clip(self.gain * (observation.xr - x), -8.0, 8.0)))
+        self.commands.append(float(np.clip(self.gain * (observation.xr - x), -HANDOUT_LIMIT_V, HANDOUT_LIMIT_V)))
         return self.commands[-1] + float(self.force[len(self.commands) - 1])
 
 
-def _force(n: int, rng: np.random.Generator) -> np.ndarray:
+def coloured_force(n: int, rng: np.random.Generator) -> np.ndarray:
+    """Return the force of a rough track that no command shows [V], ndarray, shape (n,)."""
     a = np.exp(-SAMPLE_TIME_S / CORRELATION_S)
     force = np.empty(n)
     force[0] = FORCE_V * rng.normal()
@@ -72,13 +74,13 @@ def _today(rng: np.random.Generator) -> Drive:
 def _open_loop(kind: str, amplitude: float, frequency: float, name: str, rng: np.random.Generator) -> Recording:
     t = np.arange(8001) * SAMPLE_TIME_S
     u = square(t, amplitude, frequency) if kind == "square" else sine(t, amplitude, frequency)
-    run = _today(rng).simulate(t, u + _force(len(t), rng), name=name)
+    run = _today(rng).simulate(t, u + coloured_force(len(t), rng), name=name)
     return replace(run, u=u, x1=None, x2=None)
 
 
 def _p_control(gain: float, feedback: str, name: str, rng: np.random.Generator) -> Recording:
     t = np.arange(round(P_CONTROL_S / SAMPLE_TIME_S) + 1) * SAMPLE_TIME_S
-    controller = _Disturbed(gain, feedback, _force(len(t), rng))
+    controller = _Disturbed(gain, feedback, coloured_force(len(t), rng))
     run = _today(rng).simulate_closed_loop(t, handout_trajectory(t), controller, travel_limit=TRAVEL_MM, name=name)
     u = np.array(controller.commands[: run.n])
     return replace(run, u=u, v1=None, v2=None, excitation=Excitation("closed_loop"))

@@ -53,10 +53,9 @@ def inlined(function: Function) -> Function:
 
 
 def called(function: Function) -> Function:
-    """Compile a function that kernels call, and keep it out of them.
+    """Compile a long, rarely needed function that kernels call, without asking for it to be inlined.
 
-    A rare, long branch inlined into a hot loop takes its registers: the loop over the common case then runs three times
-    slower. Said outright, because the compiler lets a callee inherit its caller's wish to be inlined.
+    Said outright, because the compiler lets a callee inherit its caller's wish to be inlined.
     """
     done: Function = numba.njit(forceinline=False, **_OPTIONS)(function)
     return done

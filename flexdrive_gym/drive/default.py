@@ -1,8 +1,11 @@
-"""The drive that an environment has when nobody names one."""
+"""What is known of the handout's rig: encoder, amplifier, and the drive an environment has when nobody names one."""
 
 from __future__ import annotations
 
 from flexdrive_gym.drive.drive import Drive, Provenance
+
+HANDOUT_QUANTUM_MM = 0.0046592
+HANDOUT_LIMIT_V = 8.0
 
 # maximum likelihood on the student recordings of winter 2022 (python -m benchmarks real_rigs), three digits
 DEFAULT_DRIVE = Drive(
@@ -14,9 +17,9 @@ DEFAULT_DRIVE = Drive(
         "d1": 0.360,
         "d2": 0.247,
         "k": 0.0961,
-        "saturation.limit": 8.0,
-        "encoder_quantisation.encoder_1.quantum": 0.0046592,
-        "encoder_quantisation.encoder_2.quantum": 0.0046592,
+        "saturation.limit": HANDOUT_LIMIT_V,
+        "encoder_quantisation.encoder_1.quantum": HANDOUT_QUANTUM_MM,
+        "encoder_quantisation.encoder_2.quantum": HANDOUT_QUANTUM_MM,
     },
     provenance=Provenance(
         "ml", ("mte360_2022",), note="rig of the Lab 3 handout, winter 2022; rounded to three digits"

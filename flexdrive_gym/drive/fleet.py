@@ -48,7 +48,7 @@ TASK_ENTRIES = 11
 DRIVES, SENSING, SUBSTEPS, MODELS, ENTRIES, PREVIEWS, SAMPLES, REFERENCES, ONE_BY_ONE, DRAWN, JOINT, LATE = range(12)
 SIZES = 12
 
-# entries of ``addresses``, one array each; shapes in the handbook of :class:`~flexdrive_gym.fleet.Fleet`
+# entries of ``addresses``, one array each; :class:`~flexdrive_gym.fleet.Fleet` makes and holds them
 ARRAYS = (
     "actions",
     "task",
@@ -78,9 +78,32 @@ ARRAYS = (
     "line",
 )
 _PLACE = {name: i for i, name in enumerate(ARRAYS)}
-A_ACTIONS, A_TASK, A_STATE, A_CLOCK, A_ROW, A_SEEDS, A_P, A_TABLES, A_MEMORY, A_SCRATCH = range(10)
-A_REFERENCES, A_AHEAD, A_SCALE, A_BOUND, A_WORK, A_OBSERVATION, A_REWARD, A_TERMINATED, A_TRUNCATED = range(10, 19)
-A_NOMINAL, A_WHICH, A_INVERSE, A_LOWEST, A_HIGHEST, A_FACTOR, A_LINE = range(19, 26)
+A_ACTIONS = _PLACE["actions"]
+A_TASK = _PLACE["task"]
+A_STATE = _PLACE["state"]
+A_CLOCK = _PLACE["clock"]
+A_ROW = _PLACE["row"]
+A_SEEDS = _PLACE["seeds"]
+A_P = _PLACE["p"]
+A_TABLES = _PLACE["tables"]
+A_MEMORY = _PLACE["memory"]
+A_SCRATCH = _PLACE["scratch"]
+A_REFERENCES = _PLACE["references"]
+A_AHEAD = _PLACE["ahead"]
+A_SCALE = _PLACE["scale"]
+A_BOUND = _PLACE["bound"]
+A_WORK = _PLACE["work"]
+A_OBSERVATION = _PLACE["observation"]
+A_REWARD = _PLACE["reward"]
+A_TERMINATED = _PLACE["terminated"]
+A_TRUNCATED = _PLACE["truncated"]
+A_NOMINAL = _PLACE["nominal"]
+A_WHICH = _PLACE["which"]
+A_INVERSE = _PLACE["inverse"]
+A_LOWEST = _PLACE["lowest"]
+A_HIGHEST = _PLACE["highest"]
+A_FACTOR = _PLACE["factor"]
+A_LINE = _PLACE["line"]
 
 # columns of ``tables``: the step's table, what the velocity filters keep, work space
 DECAY_1, DECAY_2 = TABLE + N_PARAMETERS, TABLE + N_PARAMETERS + 1

@@ -122,7 +122,7 @@ def tabulate(h: float, table: Any, z: Any, p: Any) -> None:
     """Tabulate what :func:`smooth` does over h, for a drive with base effects only; write it to ``table``.
 
     Such a drive is linear between events, so the integrator's answer to unit vectors says everything: applying the table
-    costs a quarter of integrating. The integrator itself fills the table, so there is still one physics.
+    costs far less than integrating. The integrator itself fills the table, so there is still one physics.
 
     For both sliding, cart 1 sticking, cart 2 sticking: rows of x1 - x1(0), v1, x2 - x2(0), v2 over columns δ, v1, v2,
     force on cart 1, force on cart 2; then h. Work space for a parameter vector follows.

@@ -235,5 +235,7 @@ def plot_validation(measured: Recording, simulated: Recording, *, title: str = "
     _command(panels[-1], measured)
     if positions:
         panels[-1].plot(simulated.t, simulated.u, color=style.MEASURED, linestyle=":", label="simulated")
+        panels[-1].lines[0].set_label("measured")
+        legend_above(panels[-1])
     heading(figure, title or f"{measured.name}: {measured.excitation}")
     return figure

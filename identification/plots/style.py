@@ -19,7 +19,6 @@ CART = {1: "#1f5a99", 2: "#d9660f"}
 COMMAND = "#333333"
 REFERENCE = "#808080"
 MEASURED = "#808080"
-SIMULATED = "#b3202c"
 MARK = "#b3202c"
 SHADE = "#e9e9e9"
 FAULTS = ("#f6d5d5", "#fbeed0", "#e0e6f5")

@@ -147,7 +147,7 @@ def test_motion_below_one_count_is_flagged_and_has_no_phase():
 
 def test_faulty_sensor_takes_one_cell_from_the_table():
     run = sine(Drive(LINEAR), 2.0)
-    broken = run.with_faults((Fault(run.name, "encoder_2", "encoder_dropout", 0.0, 8.0),))
+    broken = replace(run, faults=(Fault(run.name, "encoder_2", "encoder_dropout", 0.0, 8.0),))
     table = measure_frequency_response([broken])
     assert table.rows[0].cart1 is not None
     assert table.rows[0].cart2 is None

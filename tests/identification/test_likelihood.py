@@ -7,7 +7,8 @@ import pytest
 
 from flexdrive_gym import Drive, Fault
 from identification.equation_error import start_values
-from identification.likelihood import HANDOUT_RATIOS, identify_by_likelihood, improvement
+from identification.likelihood import identify_by_likelihood, improvement
+from identification.quantities import HANDOUT_RATIOS
 from tests.drive.drives import RIG
 from tests.identification.lab import COUNTS, lab_day, run
 

@@ -152,7 +152,9 @@ def test_closed_loop_run_has_the_four_panels_of_the_report():
 
 def test_faults_are_shaded_where_they_are():
     run = square(2.0)
-    top, bottom = drawn(plot_recording(run.with_faults((Fault(run.name, "encoder_1", "encoder_dropout", 1.2, 1.4),))))
+    top, bottom = drawn(
+        plot_recording(replace(run, faults=(Fault(run.name, "encoder_1", "encoder_dropout", 1.2, 1.4),)))
+    )
     assert "encoder dropout" in [text.get_text() for text in top.get_legend().get_texts()]
     assert len(top.patches) == 1
     assert len(bottom.patches) == 0

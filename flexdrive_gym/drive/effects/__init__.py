@@ -15,7 +15,7 @@ from typing import Any
 from flexdrive_gym.drive.compilation import inlined
 from flexdrive_gym.drive.effects._effect import SITES, Effect, Parameter, Site, Where
 
-__all__ = ["EFFECTS", "LAYOUT", "SITES", "Effect", "Parameter", "Slot", "Where", "chain", "effect"]
+__all__ = ["EFFECTS", "LAYOUT", "SITES", "Effect", "Parameter", "Slot", "Where", "chain"]
 
 # the parameter vector starts with the inverse masses 1/m1 and 1/m2; 1/m2 = 0 makes a rigid, one-cart drive
 MASSES = 2
@@ -67,20 +67,6 @@ N_PARAMETERS = MASSES + len(LAYOUT)
 N_BASE_PARAMETERS = MASSES + sum(slot.effect.base for slot in LAYOUT.values())
 # at least one, so that the work space of the full variant has rows
 N_STATES = max(1, sum(len(item.states) * len(item.where) for item in EFFECTS))
-
-
-def effect(name: str) -> Effect:
-    """Return the effect of that id.
-
-    Raises
-    ------
-    KeyError
-        If the catalogue has no such id; the message lists the ids.
-    """
-    for item in EFFECTS:
-        if item.id == name:
-            return item
-    raise KeyError(f"effect: no effect is called {name!r}; the catalogue has {', '.join(e.id for e in EFFECTS)}.")
 
 
 _ARGUMENTS: dict[str, tuple[str, bool]] = {
