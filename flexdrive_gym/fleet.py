@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from flexdrive_gym.drive import fleet as kernels
 from flexdrive_gym.drive import parameters
-from flexdrive_gym.drive.effects import N_STATES
+from flexdrive_gym.drive.effects import N_BASE_PARAMETERS, WORKSPACE
 from flexdrive_gym.drive.sample import MEMORY
 from flexdrive_gym.recording import BoolArray
 from flexdrive_gym.task import ERROR_SCALE_MM, SENSINGS, Task
@@ -66,8 +66,9 @@ class Fleet:
         self.state = np.zeros((kernels.STATE_ROWS, n))
         self.clock = np.zeros(n, dtype=np.int64)
         self.seeds = np.zeros(n, dtype=np.uint64)
-        self.p = np.tile(rig.vector(), (self.models, 1))
-        self.z = np.zeros((n, N_STATES)) if full else None
+        vector = rig.vector()
+        self.p = np.tile(vector if full else vector[:N_BASE_PARAMETERS], (self.models, 1))
+        self.z = np.zeros((n, WORKSPACE)) if full else None
         self.observation = np.zeros((n, len(entries)), dtype=np.float32)
         self.reward = np.zeros(n)
         self.terminated, self.truncated = np.zeros(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
@@ -82,7 +83,6 @@ class Fleet:
             "p": self.p,
             "tables": np.zeros((self.models, kernels.TABLE_COLUMNS)),
             "memory": np.zeros((n if one_by_one else 0, MEMORY)),
-            "scratch": np.zeros(7 * N_STATES),
             "references": task.references,
             "ahead": task.ahead,
             "scale": 1.0 / bound if task.normalise else np.ones(len(entries)),
@@ -154,10 +154,9 @@ class Fleet:
         edges = np.linspace(0, self.n, parts + 1).astype(int)
         result = []
         for low, high in pairwise(edges):
-            own = {name: np.zeros_like(self.arrays[name]) for name in ("work", "scratch")}
+            own = np.zeros_like(self.arrays["work"])
             addresses = self.addresses.copy()
-            for name, array in own.items():
-                addresses[kernels.ARRAYS.index(name)] = array.ctypes.data
+            addresses[kernels.ARRAYS.index("work")] = own.ctypes.data
             result.append((int(low), int(high), addresses, own))
         return result
 

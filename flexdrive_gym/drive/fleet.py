@@ -26,9 +26,9 @@ from flexdrive_gym.drive.compilation import (
     shifted,
     singles_at,
 )
-from flexdrive_gym.drive.effects import N_BASE_PARAMETERS, N_PARAMETERS, N_STATES
-from flexdrive_gym.drive.forces import W2, level_1, level_2, limited, margin_2, readings
-from flexdrive_gym.drive.sample import CUTOFF_1, CUTOFF_2, MEMORY, advance, decay, velocity
+from flexdrive_gym.drive.effects import N_BASE_PARAMETERS, N_PARAMETERS, WORKSPACE
+from flexdrive_gym.drive.forces import W2, level_1, level_2, limited, margin_2, rate_1, rate_2, readings
+from flexdrive_gym.drive.sample import CUTOFF_1, CUTOFF_2, MEMORY, advance, clear, decay, velocity
 from flexdrive_gym.drive.step import TABLE, leap, step_through_events, tabulate
 
 LANES = 64
@@ -59,7 +59,6 @@ ARRAYS = (
     "p",
     "tables",
     "memory",
-    "scratch",
     "references",
     "ahead",
     "scale",
@@ -87,7 +86,6 @@ A_SEEDS = _PLACE["seeds"]
 A_P = _PLACE["p"]
 A_TABLES = _PLACE["tables"]
 A_MEMORY = _PLACE["memory"]
-A_SCRATCH = _PLACE["scratch"]
 A_REFERENCES = _PLACE["references"]
 A_AHEAD = _PLACE["ahead"]
 A_SCALE = _PLACE["scale"]
@@ -106,8 +104,8 @@ A_FACTOR = _PLACE["factor"]
 A_LINE = _PLACE["line"]
 
 # columns of ``tables``: the step's table, what the velocity filters keep, work space
-DECAY_1, DECAY_2 = TABLE + N_PARAMETERS, TABLE + N_PARAMETERS + 1
-TABLE_COLUMNS = TABLE + N_PARAMETERS + 2
+DECAY_1, DECAY_2 = TABLE + N_BASE_PARAMETERS, TABLE + N_BASE_PARAMETERS + 1
+TABLE_COLUMNS = TABLE + N_BASE_PARAMETERS + 2
 
 # Rows of the lanes' work space, one flat array: the compiler sees that its rows never overlap and vectorises. The first
 # rows are those of ``state``.
@@ -155,11 +153,26 @@ def next_normal(seeds: Any, j: int) -> float:
 
 
 @inlined
-def _load_drives(low: int, n: int, shared: bool, p: Any, tables: Any, work: Any) -> None:
+def _stride(z: Any) -> int:
+    """Return how many parameters are kept per drive: those of the base effects come first, and often suffice."""
+    if z is None:
+        return N_BASE_PARAMETERS
+    return N_PARAMETERS
+
+
+@inlined
+def _workspace(z: Any, j: int) -> Any:
+    if z is None:
+        return None
+    return shifted(z, j * WORKSPACE)
+
+
+@inlined
+def _load_drives(low: int, n: int, shared: bool, p: Any, tables: Any, z: Any, work: Any) -> None:
     """Spread parameters and tables over the lanes."""
     for i in range(n):
         j = 0 if shared else low + i
-        q, table = shifted(p, j * N_PARAMETERS), shifted(tables, j * TABLE_COLUMNS)
+        q, table = shifted(p, j * _stride(z)), shifted(tables, j * TABLE_COLUMNS)
         for k in range(N_BASE_PARAMETERS):
             work[_PARAMETERS + k * LANES + i] = q[k]
         for k in range(_SLIDING):
@@ -224,7 +237,7 @@ def _integrate_lanes(low: int, n: int, substeps: int, h: float, shared: bool, p:
                     h,
                     shifted(tables, j * TABLE_COLUMNS),
                     None,
-                    shifted(p, j * N_PARAMETERS),
+                    shifted(p, j * N_BASE_PARAMETERS),
                 )
                 work[_TRIAL + i] = y1
                 work[_TRIAL + LANES + i] = w1
@@ -247,17 +260,12 @@ def _integrate_each(
     tables: Any,
     memory: Any,
     z: Any,
-    scratch: Any,
     work: Any,
 ) -> None:
     """Integrate n drives one by one: some delay their command, or have effects beyond the base."""
     for i in range(n):
         j = low + i
         row = 0 if shared else j
-        if z is not None:
-            for k in range(N_STATES):
-                scratch[k] = z[j * N_STATES + k]
-        space = None if z is None else scratch
         x1, v1, x2, v2 = advance(
             work[X1 * LANES + i],
             work[V1 * LANES + i],
@@ -269,16 +277,13 @@ def _integrate_each(
             substeps,
             shifted(tables, row * TABLE_COLUMNS),
             shifted(memory, j * MEMORY),
-            space,
-            shifted(p, row * N_PARAMETERS),
+            _workspace(z, j),
+            shifted(p, row * _stride(z)),
         )
         work[X1 * LANES + i] = x1
         work[V1 * LANES + i] = v1
         work[X2 * LANES + i] = x2
         work[V2 * LANES + i] = v2
-        if z is not None:
-            for k in range(N_STATES):
-                z[j * N_STATES + k] = scratch[k]
 
 
 @inlined
@@ -289,30 +294,32 @@ def _draw_noise(low: int, n: int, noise: float, seeds: Any, work: Any) -> None:
 
 
 @inlined
-def _differentiate(i: int, r1: float, r2: float, period: float, work: Any) -> None:
+def _differentiate(i: int, r1: float, r2: float, period: float, z: Any, p: Any, work: Any) -> None:
     """Make velocities from new readings and keep both."""
-    work[SPEED_1 * LANES + i] = velocity(
-        r1, work[READ_1 * LANES + i], work[SPEED_1 * LANES + i], work[_DECAY + i], period
-    )
-    work[SPEED_2 * LANES + i] = velocity(
-        r2, work[READ_2 * LANES + i], work[SPEED_2 * LANES + i], work[_DECAY + LANES + i], period
-    )
+    raw_1 = rate_1((r1 - work[READ_1 * LANES + i]) / period, z, p)
+    raw_2 = rate_2((r2 - work[READ_2 * LANES + i]) / period, z, p)
+    work[SPEED_1 * LANES + i] = velocity(raw_1, work[SPEED_1 * LANES + i], work[_DECAY + i])
+    work[SPEED_2 * LANES + i] = velocity(raw_2, work[SPEED_2 * LANES + i], work[_DECAY + LANES + i])
     work[READ_1 * LANES + i] = r1
     work[READ_2 * LANES + i] = r2
 
 
 @inlined
-def _sense(low: int, n: int, shared: bool, period: float, clock: Any, p: Any, z: Any, scratch: Any, work: Any) -> None:
+def _sense(low: int, n: int, shared: bool, period: float, clock: Any, p: Any, z: Any, work: Any) -> None:
     """Read the encoders."""
     for i in range(n):
-        x1, x2 = work[X1 * LANES + i], work[X2 * LANES + i]
+        x1, v1 = work[X1 * LANES + i], work[V1 * LANES + i]
+        x2, v2 = work[X2 * LANES + i], work[V2 * LANES + i]
+        n1, n2 = work[_NOISE + i], work[_NOISE + LANES + i]
         if z is None:
-            r1, r2 = readings(x1, x2, 0.0, None, _parameters_of(work, i))
+            q = _parameters_of(work, i)
+            r1, r2 = readings(x1, v1, x2, v2, 0.0, period, None, q)
+            _differentiate(i, r1 + n1, r2 + n2, period, None, q, work)
         else:
             j = low + i
-            q = shifted(p, (0 if shared else j) * N_PARAMETERS)
-            r1, r2 = readings(x1, x2, (clock[j] + 1) * period, scratch, q)
-        _differentiate(i, r1 + work[_NOISE + i], r2 + work[_NOISE + LANES + i], period, work)
+            parameters, space = shifted(p, (0 if shared else j) * _stride(z)), _workspace(z, j)
+            r1, r2 = readings(x1, v1, x2, v2, (clock[j] + 1) * period, period, space, parameters)
+            _differentiate(i, r1 + n1, r2 + n2, period, space, parameters, work)
 
 
 @inlined
@@ -396,8 +403,8 @@ def step_fleet(low: int, high: int, sizes: Any, addresses: Any, z: Any) -> None:
         Numbers of things; see the constants above.
     addresses : ndarray of int, shape (len(ARRAYS),)
         Of the arrays of a :class:`~flexdrive_gym.fleet.Fleet`, which holds them.
-    z : ndarray, shape (n, states), or None
-        Additional states where some drive has effects beyond the base.
+    z : ndarray, shape (n, WORKSPACE), or None
+        Workspaces of the drives where some has effects beyond the base.
     """
     drives, shared = sizes[DRIVES], sizes[MODELS] == 1
     sensing, substeps, entries = sizes[SENSING], sizes[SUBSTEPS], sizes[ENTRIES]
@@ -409,7 +416,7 @@ def step_fleet(low: int, high: int, sizes: Any, addresses: Any, z: Any) -> None:
         naturals_at(addresses[A_SEEDS]),
     )
     p, tables, memory = floats_at(addresses[A_P]), floats_at(addresses[A_TABLES]), floats_at(addresses[A_MEMORY])
-    scratch, references = floats_at(addresses[A_SCRATCH]), floats_at(addresses[A_REFERENCES])
+    references = floats_at(addresses[A_REFERENCES])
     ahead, scale, bound = (
         integers_at(addresses[A_AHEAD]),
         floats_at(addresses[A_SCALE]),
@@ -422,14 +429,14 @@ def step_fleet(low: int, high: int, sizes: Any, addresses: Any, z: Any) -> None:
 
     period, noise, horizon = task[PERIOD], task[NOISE], task[HORIZON]
     if shared:
-        _load_drives(0, min(LANES, high - low), shared, p, tables, work)
+        _load_drives(0, min(LANES, high - low), shared, p, tables, extra, work)
     for i in range(min(LANES, high - low)):
         work[_NOISE + i] = 0.0
         work[_NOISE + LANES + i] = 0.0
     for begin in range(low, high, LANES):
         n = min(LANES, high - begin)
         if not shared:
-            _load_drives(begin, n, shared, p, tables, work)
+            _load_drives(begin, n, shared, p, tables, extra, work)
         for k in range(CARRIED):
             column = shifted(state, k * drives + begin)
             for i in range(n):
@@ -438,10 +445,10 @@ def step_fleet(low: int, high: int, sizes: Any, addresses: Any, z: Any) -> None:
         if sizes[ONE_BY_ONE] == 0 and z is None:
             _integrate_lanes(begin, n, substeps, period / substeps, shared, p, tables, work)
         else:
-            _integrate_each(begin, n, period, substeps, shared, clock, p, tables, memory, extra, scratch, work)
+            _integrate_each(begin, n, period, substeps, shared, clock, p, tables, memory, extra, work)
         if noise > 0.0:
             _draw_noise(begin, n, noise, seeds, work)
-        _sense(begin, n, shared, period, clock, p, extra, scratch, work)
+        _sense(begin, n, shared, period, clock, p, extra, work)
         for i in range(n):
             now = clock[begin + i] + 1
             clock[begin + i] = now
@@ -527,13 +534,12 @@ def reset_fleet(low: int, high: int, mask: Any, start: Any, sizes: Any, addresse
     references, reward = floats_at(addresses[A_REFERENCES]), floats_at(addresses[A_REWARD])
     terminated, truncated = flags_at(addresses[A_TERMINATED]), flags_at(addresses[A_TRUNCATED])
     period, substeps, samples = task[PERIOD], sizes[SUBSTEPS], sizes[SAMPLES]
-    scratch, extra = floats_at(addresses[A_SCRATCH]), pointer(z)
-    space = None if z is None else scratch
+    extra = pointer(z)
     for j in range(low, high):
         if not mask[j]:
             continue
         model = 0 if shared else j
-        q, table = shifted(p, model * N_PARAMETERS), shifted(tables, model * TABLE_COLUMNS)
+        q, table, space = shifted(p, model * _stride(extra)), shifted(tables, model * TABLE_COLUMNS), _workspace(extra, j)
         if sizes[DRAWN] > 0:
             _draw_parameters(
                 j,
@@ -559,30 +565,27 @@ def reset_fleet(low: int, high: int, mask: Any, start: Any, sizes: Any, addresse
         for k in range(STATE_ROWS):
             state[k * drives + j] = start[k] if k < 4 else 0.0
         if sizes[ONE_BY_ONE] == 1:
-            for k in range(MEMORY):
-                memory[j * MEMORY + k] = 0.0
-        if z is not None:
-            for k in range(N_STATES):
-                extra[j * N_STATES + k] = 0.0
-        r1, r2 = readings(start[0], start[2], 0.0, space, q)
+            clear(start[1], start[3], shifted(memory, j * MEMORY), space, q)
+        r1, r2 = readings(start[0], start[1], start[2], start[3], 0.0, period, space, q)
+        q1, q2 = rate_1(start[1], space, q), rate_2(start[3], space, q)
         line = floats_at(addresses[A_LINE])
         for k in range(sizes[LATE]):
             slot = shifted(line, (j * sizes[LATE] + k) * 4)
             slot[0] = r1
             slot[1] = r2
-            slot[2] = start[1]
-            slot[3] = start[3]
+            slot[2] = q1
+            slot[3] = q2
         state[READ_1 * drives + j] = r1
         state[READ_2 * drives + j] = r2
-        state[SPEED_1 * drives + j] = start[1]
-        state[SPEED_2 * drives + j] = start[3]
+        state[SPEED_1 * drives + j] = q1
+        state[SPEED_2 * drives + j] = q2
         state[REFERENCE * drives + j] = references[row[j] * samples]
         state[ERROR * drives + j] = references[row[j] * samples] - (start[2] if q[W2] > 0.0 else start[0])
         _observe(
             r1,
             r2,
-            start[1],
-            start[3],
+            q1,
+            q2,
             0.0,
             0,
             sizes[SENSING],

@@ -1,42 +1,40 @@
 """The forces on the carts, the limits of the command and the readings of the encoders: chains of every effect's hooks.
 
 Each function composes what all effects say at one place. ``z is None`` selects, at compile time, the chain of the effects
-every drive has; otherwise ``z`` points to the additional states and ``r`` is the start of the row to read.
+every drive has; otherwise ``z`` points to the workspace and ``r`` is the start of the row of states to read.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from flexdrive_gym.drive.compilation import inlined
-from flexdrive_gym.drive.effects import LAYOUT, chain
+from flexdrive_gym.drive.compilation import called, inlined
+from flexdrive_gym.drive.effects import ANCHOR_1, ANCHOR_2, BEGIN_1, BEGIN_2, BEGIN_T, LAYOUT, chain
 
 W1, W2 = 0, 1
 LIMIT = LAYOUT["saturation.limit"].index
 
 _command_base, _command_full = chain("command", base=True), chain("command", base=False)
+_actuator = chain("actuator", base=False)
+_transmission = chain("transmission", base=False)
+_deflection = chain("deflection", base=False)
 _spring_base, _spring_full = chain("spring", base=True), chain("spring", base=False)
-_cart_1_base, _cart_1_full = chain("cart", "cart_1", base=True), chain("cart", "cart_1", base=False)
-_cart_2_base, _cart_2_full = chain("cart", "cart_2", base=True), chain("cart", "cart_2", base=False)
-_friction_1_base, _friction_1_full = (
-    chain("friction", "cart_1", base=True),
-    chain("friction", "cart_1", base=False),
-)
-_friction_2_base, _friction_2_full = (
-    chain("friction", "cart_2", base=True),
-    chain("friction", "cart_2", base=False),
-)
-_breakaway_1 = chain("breakaway", "cart_1", base=False)
-_breakaway_2 = chain("breakaway", "cart_2", base=False)
-rates = chain("rates", base=False)
-_reading_1_base, _reading_1_full = (
-    chain("reading", "encoder_1", base=True),
-    chain("reading", "encoder_1", base=False),
-)
-_reading_2_base, _reading_2_full = (
-    chain("reading", "encoder_2", base=True),
-    chain("reading", "encoder_2", base=False),
-)
+_damping_1_base, _damping_1_full = chain("damping", "cart_1", base=True), chain("damping", "cart_1", base=False)
+_damping_2_base, _damping_2_full = chain("damping", "cart_2", base=True), chain("damping", "cart_2", base=False)
+_cart_1, _cart_2 = chain("cart", "cart_1", base=False), chain("cart", "cart_2", base=False)
+_friction_1_base, _friction_1_full = chain("friction", "cart_1", base=True), chain("friction", "cart_1", base=False)
+_friction_2_base, _friction_2_full = chain("friction", "cart_2", base=True), chain("friction", "cart_2", base=False)
+_breakaway_1, _breakaway_2 = chain("breakaway", "cart_1", base=False), chain("breakaway", "cart_2", base=False)
+_rates = chain("rates", base=False)
+_finish_1, _finish_2 = chain("finish", "cart_1", base=False), chain("finish", "cart_2", base=False)
+_finish_actuator = chain("finish", "actuator", base=False)
+_begin_1, _begin_2 = chain("begin", "cart_1", base=False), chain("begin", "cart_2", base=False)
+_begin_actuator = chain("begin", "actuator", base=False)
+_begin_drivetrain = chain("begin", "drivetrain", base=False)
+_begin_structure = chain("begin", "structure", base=False)
+_reading_1_base, _reading_1_full = chain("reading", "encoder_1", base=True), chain("reading", "encoder_1", base=False)
+_reading_2_base, _reading_2_full = chain("reading", "encoder_2", base=True), chain("reading", "encoder_2", base=False)
+_speed_1, _speed_2 = chain("speed", "encoder_1", base=False), chain("speed", "encoder_2", base=False)
 
 
 @inlined
@@ -45,12 +43,25 @@ def limited(u: float, p: Any) -> float:
     return min(max(u, -p[LIMIT]), p[LIMIT])
 
 
+@called
+def _commanded_full(u: float, t: float, z: Any, p: Any) -> float:
+    return _command_full(u, t, z, 0, p)
+
+
 @inlined
 def commanded(u: float, t: float, z: Any, p: Any) -> float:
-    """Return the force that a command becomes on its way through the actuator, delays apart [V]."""
+    """Return the force that a command becomes on its way through the actuator, delays and lags apart [V]."""
     if z is None:
         return _command_base(u, t, z, 0, p)
-    return _command_full(u, t, z, 0, p)
+    return _commanded_full(u, t, z, p)
+
+
+@inlined
+def amplified(u: float, t: float, z: Any, r: int, p: Any) -> float:
+    """Return what the amplifier has made of the command at time t [V]."""
+    if z is None:
+        return u
+    return _actuator(u, t - z[BEGIN_T], z, r, p)
 
 
 @inlined
@@ -58,23 +69,29 @@ def spring_force(delta: float, rate: float, z: Any, r: int, p: Any) -> float:
     """Return the spring's force on cart 2 [V] for the deflection x1 - x2 and its rate."""
     if z is None:
         return _spring_base(0.0, delta, rate, z, r, p)
-    return _spring_full(0.0, delta, rate, z, r, p)
+    felt = _deflection(delta, z, r, p)
+    # within the play the spring is loose: it has neither stiffness nor damping
+    loose = felt == 0.0 and delta != 0.0
+    return _spring_full(0.0, felt, 0.0 if loose else rate, z, r, p)
 
 
 @inlined
-def force_1(x: float, v: float, u: float, fs: float, t: float, z: Any, r: int, p: Any) -> float:
+def force_1(x: float, v: float, s: float, u: float, fs: float, t: float, z: Any, r: int, p: Any) -> float:
     """Return the force on cart 1 [V], all but Coulomb friction."""
     if z is None:
-        return _cart_1_base(u - fs, x, v, fs, t, z, r, p)
-    return _cart_1_full(u - fs, x, v, fs, t, z, r, p)
+        return (u - fs) - _damping_1_base(0.0, v, s, t, z, r, p) * v
+    f = _transmission(amplified(u, t, z, r, p), v, z, r, p) - fs
+    f = _cart_1(f, x + z[ANCHOR_1], v, s, x - z[BEGIN_1], t, z, r, p)
+    return f - max(_damping_1_full(0.0, v, s, t, z, r, p), 0.0) * v
 
 
 @inlined
-def force_2(x: float, v: float, fs: float, t: float, z: Any, r: int, p: Any) -> float:
+def force_2(x: float, v: float, s: float, fs: float, t: float, z: Any, r: int, p: Any) -> float:
     """Return the force on cart 2 [V], all but Coulomb friction."""
     if z is None:
-        return _cart_2_base(fs, x, v, fs, t, z, r, p)
-    return _cart_2_full(fs, x, v, fs, t, z, r, p)
+        return fs - _damping_2_base(0.0, v, s, t, z, r, p) * v
+    f = _cart_2(fs, x + z[ANCHOR_2], v, s, x - z[BEGIN_2], t, z, r, p)
+    return f - max(_damping_2_full(0.0, v, s, t, z, r, p), 0.0) * v
 
 
 @inlined
@@ -82,7 +99,7 @@ def level_1(x: float, v: float, s: float, fs: float, t: float, z: Any, r: int, p
     """Return the Coulomb level of cart 1 [V] sliding in direction s."""
     if z is None:
         return _friction_1_base(0.0, x, v, s, fs, t, z, r, p)
-    return _friction_1_full(0.0, x, v, s, fs, t, z, r, p)
+    return max(_friction_1_full(0.0, x + z[ANCHOR_1], v, s, fs, t, z, r, p), 0.0)
 
 
 @inlined
@@ -90,7 +107,7 @@ def level_2(x: float, v: float, s: float, fs: float, t: float, z: Any, r: int, p
     """Return the Coulomb level of cart 2 [V] sliding in direction s."""
     if z is None:
         return _friction_2_base(0.0, x, v, s, fs, t, z, r, p)
-    return _friction_2_full(0.0, x, v, s, fs, t, z, r, p)
+    return max(_friction_2_full(0.0, x + z[ANCHOR_2], v, s, fs, t, z, r, p), 0.0)
 
 
 @inlined
@@ -99,7 +116,7 @@ def hold_1(x: float, s: float, fs: float, t: float, z: Any, r: int, p: Any) -> f
     level = level_1(x, 0.0, s, fs, t, z, r, p)
     if z is None:
         return level
-    return _breakaway_1(level, x, s, fs, t, z, r, p)
+    return _breakaway_1(level, x + z[ANCHOR_1], s, fs, t, z, r, p)
 
 
 @inlined
@@ -108,25 +125,86 @@ def hold_2(x: float, s: float, fs: float, t: float, z: Any, r: int, p: Any) -> f
     level = level_2(x, 0.0, s, fs, t, z, r, p)
     if z is None:
         return level
-    return _breakaway_2(level, x, s, fs, t, z, r, p)
+    return _breakaway_2(level, x + z[ANCHOR_2], s, fs, t, z, r, p)
 
 
 @inlined
-def margin_1(x1: float, x2: float, v2: float, u: float, t: float, z: Any, r: int, p: Any) -> tuple[float, float]:
-    """Return by how much the force on cart 1 at rest leaves the friction set [V], negative while held, and its sign."""
+def _margin_1(x1: float, x2: float, v2: float, u: float, t: float, z: Any, r: int, p: Any) -> tuple[float, float]:
     fs = spring_force(x1 - x2, -v2, z, r, p)
-    force = force_1(x1, 0.0, u, fs, t, z, r, p)
+    force = force_1(x1, 0.0, 0.0, u, fs, t, z, r, p)
     s = 1.0 if force > 0.0 else -1.0
     return force * s - hold_1(x1, s, fs, t, z, r, p), s
 
 
 @inlined
-def margin_2(x1: float, x2: float, v1: float, t: float, z: Any, r: int, p: Any) -> tuple[float, float]:
-    """Return by how much the force on cart 2 at rest leaves the friction set [V], negative while held, and its sign."""
+def _margin_2(x1: float, x2: float, v1: float, t: float, z: Any, r: int, p: Any) -> tuple[float, float]:
     fs = spring_force(x1 - x2, v1, z, r, p)
-    force = force_2(x2, 0.0, fs, t, z, r, p)
+    force = force_2(x2, 0.0, 0.0, fs, t, z, r, p)
     s = 1.0 if force > 0.0 else -1.0
     return force * s - hold_2(x2, s, fs, t, z, r, p), s
+
+
+@called
+def _margin_1_full(x1: float, x2: float, v2: float, u: float, t: float, z: Any, r: int, p: Any) -> tuple[float, float]:
+    return _margin_1(x1, x2, v2, u, t, z, r, p)
+
+
+@called
+def _margin_2_full(x1: float, x2: float, v1: float, t: float, z: Any, r: int, p: Any) -> tuple[float, float]:
+    return _margin_2(x1, x2, v1, t, z, r, p)
+
+
+@inlined
+def margin_1(x1: float, x2: float, v2: float, u: float, t: float, z: Any, r: int, p: Any) -> tuple[float, float]:
+    """Return by how much the force on cart 1 at rest leaves the friction set [V], negative while held, and its sign."""
+    if z is None:
+        return _margin_1(x1, x2, v2, u, t, z, r, p)
+    return _margin_1_full(x1, x2, v2, u, t, z, r, p)
+
+
+@inlined
+def margin_2(x1: float, x2: float, v1: float, t: float, z: Any, r: int, p: Any) -> tuple[float, float]:
+    """Return by how much the force on cart 2 at rest leaves the friction set [V], negative while held, and its sign."""
+    if z is None:
+        return _margin_2(x1, x2, v1, t, z, r, p)
+    return _margin_2_full(x1, x2, v1, t, z, r, p)
+
+
+@inlined
+def _accelerations(
+    x1: float,
+    v1: float,
+    x2: float,
+    v2: float,
+    s1: float,
+    s2: float,
+    u: float,
+    t: float,
+    z: Any,
+    r: int,
+    p: Any,
+) -> tuple[float, float]:
+    fs = spring_force(x1 - x2, v1 - v2, z, r, p)
+    a1 = p[W1] * (force_1(x1, v1, s1, u, fs, t, z, r, p) - s1 * level_1(x1, v1, s1, fs, t, z, r, p))
+    a2 = p[W2] * (force_2(x2, v2, s2, fs, t, z, r, p) - s2 * level_2(x2, v2, s2, fs, t, z, r, p))
+    return (a1 if s1 != 0.0 else 0.0), (a2 if s2 != 0.0 else 0.0)
+
+
+@called
+def _accelerations_full(
+    x1: float,
+    v1: float,
+    x2: float,
+    v2: float,
+    s1: float,
+    s2: float,
+    u: float,
+    t: float,
+    z: Any,
+    r: int,
+    p: Any,
+) -> tuple[float, float]:
+    return _accelerations(x1, v1, x2, v2, s1, s2, u, t, z, r, p)
 
 
 @inlined
@@ -144,15 +222,71 @@ def accelerations(
     p: Any,
 ) -> tuple[float, float]:
     """Return the accelerations [mm/s²] of both carts for fixed directions of sliding."""
-    fs = spring_force(x1 - x2, v1 - v2, z, r, p)
-    a1 = p[W1] * (force_1(x1, v1, u, fs, t, z, r, p) - s1 * level_1(x1, v1, s1, fs, t, z, r, p))
-    a2 = p[W2] * (force_2(x2, v2, fs, t, z, r, p) - s2 * level_2(x2, v2, s2, fs, t, z, r, p))
-    return (a1 if s1 != 0.0 else 0.0), (a2 if s2 != 0.0 else 0.0)
+    if z is None:
+        return _accelerations(x1, v1, x2, v2, s1, s2, u, t, z, r, p)
+    return _accelerations_full(x1, v1, x2, v2, s1, s2, u, t, z, r, p)
+
+
+@called
+def rates(w: int, x1: float, v1: float, x2: float, v2: float, u: float, t: float, z: Any, r: int, p: Any) -> None:
+    """Write the rates of the additional states of the row that begins at r, w entries further on."""
+    _rates(w, x1, v1, x2, v2, amplified(u, t, z, r, p), t, z, r, p)
+
+
+@called
+def begin_effects(v1: float, v2: float, u: float, z: Any, p: Any) -> None:
+    """Write what the effects remember when a run starts at these velocities and this force [V]."""
+    _begin_1(0, v1, v1, v2, u, z, 0, p)
+    _begin_2(0, v2, v1, v2, u, z, 0, p)
+    _begin_actuator(0, 0.0, v1, v2, u, z, 0, p)
+    _begin_drivetrain(0, 0.0, v1, v2, u, z, 0, p)
+    _begin_structure(0, 0.0, v1, v2, u, z, 0, p)
 
 
 @inlined
-def readings(x1: float, x2: float, t: float, z: Any, p: Any) -> tuple[float, float]:
-    """Return the positions that the encoders report [mm]."""
+def begin_piece(x1: float, x2: float, t: float, z: Any) -> None:
+    """Note where and when the piece begins that is integrated next."""
+    z[BEGIN_1], z[BEGIN_2], z[BEGIN_T] = x1, x2, t
+
+
+@called
+def finish_piece(x1: float, x2: float, s1: float, s2: float, u: float, t: float, z: Any, p: Any) -> None:
+    """Bring what the effects remember to the end of a piece that went to these positions, with these directions."""
+    dt = t - z[BEGIN_T]
+    _finish_actuator(0, 0.0, 0.0, u, dt, z, 0, p)
+    _finish_1(0, x1 - z[BEGIN_1], s1, u, dt, z, 0, p)
+    _finish_2(0, x2 - z[BEGIN_2], s2, u, dt, z, 0, p)
+
+
+@called
+def _readings_full(
+    x1: float, v1: float, x2: float, v2: float, t: float, h: float, z: Any, p: Any
+) -> tuple[float, float]:
+    return (
+        _reading_1_full(x1, x1 + z[ANCHOR_1], v1, t, h, z, 0, p),
+        _reading_2_full(x2, x2 + z[ANCHOR_2], v2, t, h, z, 0, p),
+    )
+
+
+@inlined
+def readings(x1: float, v1: float, x2: float, v2: float, t: float, h: float, z: Any, p: Any) -> tuple[float, float]:
+    """Return the positions that the encoders report [mm], sampled every h."""
     if z is None:
-        return _reading_1_base(x1, t, z, 0, p), _reading_2_base(x2, t, z, 0, p)
-    return _reading_1_full(x1, t, z, 0, p), _reading_2_full(x2, t, z, 0, p)
+        return _reading_1_base(x1, x1, v1, t, h, z, 0, p), _reading_2_base(x2, x2, v2, t, h, z, 0, p)
+    return _readings_full(x1, v1, x2, v2, t, h, z, p)
+
+
+@inlined
+def rate_1(raw: float, z: Any, p: Any) -> float:
+    """Return the rate of encoder 1 as it is counted [mm/s]."""
+    if z is None:
+        return raw
+    return _speed_1(raw, z, 0, p)
+
+
+@inlined
+def rate_2(raw: float, z: Any, p: Any) -> float:
+    """Return the rate of encoder 2 as it is counted [mm/s]."""
+    if z is None:
+        return raw
+    return _speed_2(raw, z, 0, p)

@@ -9,14 +9,19 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from flexdrive_gym.drive.compilation import kernel, pointer, shifted
 from flexdrive_gym.drive.forces import W2, limited
-from flexdrive_gym.drive.sample import MEMORY, advance, measure, power_up
+from flexdrive_gym.drive.sample import MEMORY, advance, anchor, clear, measure, power_up
 from flexdrive_gym.drive.step import tabulate
 
 
+NOTHING = np.empty((4, 0))
+
+
 @kernel
-def run_open_loop(
+def _run_open_loop(
     u: Any,
     sample_time: float,
     substeps: int,
@@ -26,6 +31,43 @@ def run_open_loop(
     p: Any,
     readings: Any,
     states: Any,
+    track: Any,
+) -> None:
+    x1, v1, x2, v2 = start[0], start[1], start[2], start[3]
+    q, m, w = pointer(p), pointer(memory), pointer(z)
+    table = shifted(m, MEMORY)
+    tabulate(sample_time / substeps, table, w, q)
+    clear(v1, v2, m, w, q)
+    tracked, told = track.shape[1] > 0, states.shape[1] > 0
+    if tracked:
+        anchor(track[0, 0], track[1, 0], x1, x2, w)
+    r1, r2, s1, s2 = power_up(x1, v1, x2, v2, sample_time, m, w, q)
+    n = u.shape[0]
+    for i in range(n):
+        readings[0, i], readings[1, i], readings[2, i], readings[3, i] = r1, r2, s1, s2
+        if told:
+            states[0, i], states[1, i], states[2, i], states[3, i] = x1, v1, x2, v2
+        if i + 1 < n:
+            t = i * sample_time
+            if tracked:
+                anchor(track[0, i], track[1, i], x1, x2, w)
+            x1, v1, x2, v2 = advance(x1, v1, x2, v2, u[i], t, sample_time, substeps, table, m, w, q)
+            if tracked:
+                anchor(track[0, i + 1], track[1, i + 1], x1, x2, w)
+            r1, r2, s1, s2 = measure(x1, v1, x2, v2, t + sample_time, sample_time, m, w, q)
+
+
+def run_open_loop(
+    u: Any,
+    sample_time: float,
+    substeps: int,
+    start: Any,
+    memory: Any,
+    z: Any,
+    p: Any,
+    readings: Any,
+    states: Any = None,
+    track: Any = None,
 ) -> None:
     """Drive with a recorded command.
 
@@ -39,21 +81,15 @@ def run_open_loop(
         Written: x1, x2, v1, v2 as the encoders report them.
     states : ndarray, shape (4, n), or None
         Written: the true x1, v1, x2, v2.
+    track : ndarray, shape (2, n), or None
+        Where the carts of the rig were [mm]. In a long replay simulated positions drift away from them, so effects that depend
+        on the position along the track are anchored: at every sample their x is moved to the track, and follows the
+        simulation within the sample. The spring and everything else stay simulated. A value that is not a number leaves
+        the anchor where it was. Without effects beyond the base it changes nothing.
     """
-    x1, v1, x2, v2 = start[0], start[1], start[2], start[3]
-    q, m, w = pointer(p), pointer(memory), pointer(z)
-    table = shifted(m, MEMORY)
-    tabulate(sample_time / substeps, table, w, q)
-    r1, r2, s1, s2 = power_up(x1, v1, x2, v2, m, w, q)
-    n = u.shape[0]
-    for i in range(n):
-        readings[0, i], readings[1, i], readings[2, i], readings[3, i] = r1, r2, s1, s2
-        if states is not None:
-            states[0, i], states[1, i], states[2, i], states[3, i] = x1, v1, x2, v2
-        if i + 1 < n:
-            t = i * sample_time
-            x1, v1, x2, v2 = advance(x1, v1, x2, v2, u[i], t, sample_time, substeps, table, m, w, q)
-            r1, r2, s1, s2 = measure(x1, x2, t + sample_time, sample_time, m, w, q)
+    # an array of no samples instead of None: one compiled kernel for all cases
+    states, track = NOTHING if states is None else states, NOTHING if track is None else track
+    _run_open_loop(u, sample_time, substeps, start, memory, z, p, readings, states, track)
 
 
 @kernel
@@ -78,7 +114,8 @@ def run_p_control(
     q, m, w = pointer(p), pointer(memory), pointer(z)
     table = shifted(m, MEMORY)
     tabulate(sample_time / substeps, table, w, q)
-    r1, r2, s1, s2 = power_up(x1, v1, x2, v2, m, w, q)
+    clear(v1, v2, m, w, q)
+    r1, r2, s1, s2 = power_up(x1, v1, x2, v2, sample_time, m, w, q)
     n = xr.shape[0]
     for i in range(n):
         readings[0, i], readings[1, i], readings[2, i], readings[3, i] = r1, r2, s1, s2
@@ -86,7 +123,7 @@ def run_p_control(
         if i + 1 < n:
             t = i * sample_time
             x1, v1, x2, v2 = advance(x1, v1, x2, v2, u[i], t, sample_time, substeps, table, m, w, q)
-            r1, r2, s1, s2 = measure(x1, x2, t + sample_time, sample_time, m, w, q)
+            r1, r2, s1, s2 = measure(x1, v1, x2, v2, t + sample_time, sample_time, m, w, q)
 
 
 @kernel
@@ -113,7 +150,8 @@ def sweep_p_control(
     for j in range(gains.shape[0]):
         gain = gains[j]
         x1, v1, x2, v2 = 0.0, 0.0, 0.0, 0.0
-        r1, r2, _s1, _s2 = power_up(x1, v1, x2, v2, m, w, q)
+        clear(v1, v2, m, w, q)
+        r1, r2, _s1, _s2 = power_up(x1, v1, x2, v2, sample_time, m, w, q)
         low, high = 1e300, -1e300
         for i in range(n):
             if i >= n - window:
@@ -122,7 +160,7 @@ def sweep_p_control(
             u = limited(gain * (xr[i] - (r1 if feedback == 1 else r2)), q)
             t = i * sample_time
             x1, v1, x2, v2 = advance(x1, v1, x2, v2, u, t, sample_time, substeps, table, m, w, q)
-            r1, r2, _s1, _s2 = measure(x1, x2, t + sample_time, sample_time, m, w, q)
+            r1, r2, _s1, _s2 = measure(x1, v1, x2, v2, t + sample_time, sample_time, m, w, q)
         swing[j] = high - low
 
 
@@ -136,7 +174,7 @@ def run_sample(
         state[0], state[1], state[2], state[3], u, t, sample_time, substeps, shifted(m, MEMORY), m, w, q
     )
     state[0], state[1], state[2], state[3] = x1, v1, x2, v2
-    reading[0], reading[1], reading[2], reading[3] = measure(x1, x2, t + sample_time, sample_time, m, w, q)
+    reading[0], reading[1], reading[2], reading[3] = measure(x1, v1, x2, v2, t + sample_time, sample_time, m, w, q)
 
 
 @kernel
@@ -144,4 +182,6 @@ def begin(state: Any, sample_time: float, substeps: int, memory: Any, z: Any, p:
     """Clear the memory of a drive in the given state, tabulate its step, and write its first readings."""
     q, m, w = pointer(p), pointer(memory), pointer(z)
     tabulate(sample_time / substeps, shifted(m, MEMORY), w, q)
-    reading[0], reading[1], reading[2], reading[3] = power_up(state[0], state[1], state[2], state[3], m, w, q)
+    x1, v1, x2, v2 = state[0], state[1], state[2], state[3]
+    clear(v1, v2, m, w, q)
+    reading[0], reading[1], reading[2], reading[3] = power_up(x1, v1, x2, v2, sample_time, m, w, q)

@@ -8,7 +8,7 @@ from math import ceil, inf, isnan
 
 import numpy as np
 
-from flexdrive_gym.drive.effects import EFFECTS, LAYOUT, N_PARAMETERS, N_STATES, Parameter
+from flexdrive_gym.drive.effects import EFFECTS, LAYOUT, N_PARAMETERS, WORKSPACE, Parameter
 from flexdrive_gym.recording import FloatArray
 
 MASS_PARAMETERS: dict[str, Parameter] = {
@@ -57,7 +57,8 @@ def checked(values: Mapping[str, float]) -> dict[str, float]:
                 f"{name}: must lie in [{spec.lower:g}, {spec.upper:g}] {spec.unit}; got {number:g}. "
                 f"It is the {spec.meaning}; its absence is {spec.null:g}."
             )
-        if number != spec.null:
+        # a shape is kept though it be the usual one: a drive in a file shall say which
+        if number != spec.null or spec.role == "shape":
             result[name] = number
     order = {name: i for i, name in enumerate([*MASS_PARAMETERS, *LAYOUT])}
     return dict(sorted(result.items(), key=lambda item: order[item[0]]))
@@ -89,9 +90,9 @@ def vector(values: Mapping[str, float]) -> FloatArray:
 
 def workspace(values: Mapping[str, float]) -> FloatArray | None:
     """Return the step's workspace, or ``None`` if only effects every drive has are present."""
-    if all(name in MASS_PARAMETERS or LAYOUT[name].effect.base for name in values):
-        return None
-    return np.zeros(7 * N_STATES)
+    if any(name in LAYOUT and LAYOUT[name].switches for name in values):
+        return np.zeros(WORKSPACE)
+    return None
 
 
 def substeps(values: Mapping[str, float], sample_time: float, physics_step: float) -> int:

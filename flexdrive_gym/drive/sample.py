@@ -6,8 +6,8 @@ from math import exp, pi
 from typing import Any
 
 from flexdrive_gym.drive.compilation import inlined
-from flexdrive_gym.drive.effects import LAYOUT, N_PARAMETERS, N_STATES
-from flexdrive_gym.drive.forces import commanded, readings
+from flexdrive_gym.drive.effects import ANCHOR_1, ANCHOR_2, LAYOUT, N_BASE_PARAMETERS, prepare
+from flexdrive_gym.drive.forces import begin_effects, commanded, rate_1, rate_2, readings
 from flexdrive_gym.drive.step import TABLE, step
 
 RING = 64
@@ -15,7 +15,7 @@ RING = 64
 MEMORY = 5 + RING
 _PREVIOUS_1, _PREVIOUS_2, _FILTERED_1, _FILTERED_2, _HEAD, _COMMANDS = 0, 1, 2, 3, 4, 5
 # what a kernel's caller provides: the memory, then the table of the step and a parameter vector to make it with
-WORK_SPACE = MEMORY + TABLE + N_PARAMETERS
+WORK_SPACE = MEMORY + TABLE + N_BASE_PARAMETERS
 
 DELAY = LAYOUT["input_delay.tau"].index
 CUTOFF_1 = LAYOUT["velocity_processing.encoder_1.cutoff"].index
@@ -75,36 +75,56 @@ def decay(cutoff: float, sample_time: float) -> float:
 
 
 @inlined
-def velocity(reading: float, previous: float, filtered: float, a: float, sample_time: float) -> float:
-    """Return the velocity made from two readings and its own past [mm/s]."""
-    raw = (reading - previous) / sample_time
+def velocity(raw: float, filtered: float, a: float) -> float:
+    """Return the velocity made from the rate of the readings and its own past [mm/s]."""
     return a * filtered + (1.0 - a) * raw
 
 
 @inlined
 def measure(
-    x1: float, x2: float, t: float, sample_time: float, memory: Any, z: Any, p: Any
+    x1: float, v1: float, x2: float, v2: float, t: float, sample_time: float, memory: Any, z: Any, p: Any
 ) -> tuple[float, float, float, float]:
     """Return what the encoders report: positions [mm] and the velocities made from them [mm/s]."""
-    r1, r2 = readings(x1, x2, t, z, p)
-    q1 = velocity(r1, memory[_PREVIOUS_1], memory[_FILTERED_1], decay(p[CUTOFF_1], sample_time), sample_time)
-    q2 = velocity(r2, memory[_PREVIOUS_2], memory[_FILTERED_2], decay(p[CUTOFF_2], sample_time), sample_time)
+    r1, r2 = readings(x1, v1, x2, v2, t, sample_time, z, p)
+    raw_1 = rate_1((r1 - memory[_PREVIOUS_1]) / sample_time, z, p)
+    raw_2 = rate_2((r2 - memory[_PREVIOUS_2]) / sample_time, z, p)
+    q1 = velocity(raw_1, memory[_FILTERED_1], decay(p[CUTOFF_1], sample_time))
+    q2 = velocity(raw_2, memory[_FILTERED_2], decay(p[CUTOFF_2], sample_time))
     memory[_PREVIOUS_1], memory[_PREVIOUS_2] = r1, r2
     memory[_FILTERED_1], memory[_FILTERED_2] = q1, q2
     return r1, r2, q1, q2
 
 
 @inlined
-def power_up(
-    x1: float, v1: float, x2: float, v2: float, memory: Any, z: Any, p: Any
-) -> tuple[float, float, float, float]:
-    """Clear the memory of one drive that starts in the given state; return its first readings."""
+def clear(v1: float, v2: float, memory: Any, z: Any, p: Any) -> None:
+    """Clear what one drive remembers that starts at these velocities; before the start its command was 0 V."""
     for i in range(MEMORY):
         memory[i] = 0.0
     if z is not None:
-        for i in range(7 * N_STATES):
-            z[i] = 0.0
-    r1, r2 = readings(x1, x2, 0.0, z, p)
+        prepare(z, p)
+        rest = commanded(0.0, 0.0, z, p)
+        for i in range(RING):
+            memory[_COMMANDS + i] = rest
+        begin_effects(v1, v2, rest, z, p)
+
+
+@inlined
+def anchor(track_1: float, track_2: float, x1: float, x2: float, z: Any) -> None:
+    """Tell the effects of position where the rig's carts were; not a number where that is unknown."""
+    if z is not None:
+        if track_1 == track_1:  # noqa: PLR0124  (false for nan)
+            z[ANCHOR_1] = track_1 - x1
+        if track_2 == track_2:  # noqa: PLR0124
+            z[ANCHOR_2] = track_2 - x2
+
+
+@inlined
+def power_up(
+    x1: float, v1: float, x2: float, v2: float, sample_time: float, memory: Any, z: Any, p: Any
+) -> tuple[float, float, float, float]:
+    """Return the first readings of one drive that starts in the given state, after :func:`clear`."""
+    r1, r2 = readings(x1, v1, x2, v2, 0.0, sample_time, z, p)
+    q1, q2 = rate_1(v1, z, p), rate_2(v2, z, p)
     memory[_PREVIOUS_1], memory[_PREVIOUS_2] = r1, r2
-    memory[_FILTERED_1], memory[_FILTERED_2] = v1, v2
-    return r1, r2, v1, v2
+    memory[_FILTERED_1], memory[_FILTERED_2] = q1, q2
+    return r1, r2, q1, q2

@@ -24,8 +24,8 @@ the scheme. Event-driven integration of dry friction: V. Acary, B. Brogliato, Nu
 Dynamical Systems, 2008, ch. 8.
 
 ``z is None`` selects, at compile time, the variant with the effects every drive has; otherwise ``z`` is a workspace
-(a pointer) of seven rows, each as long as there are additional states: state, stage, four slopes, trial;
-``r`` is the start of the row to read.
+(a pointer) that begins with seven rows, each as long as there are additional states: state, stage, four slopes, trial;
+``r`` is the start of the row to read. Its other entries are described in :mod:`flexdrive_gym.drive.effects`.
 """
 
 from __future__ import annotations
@@ -33,12 +33,24 @@ from __future__ import annotations
 from typing import Any
 
 from flexdrive_gym.drive.compilation import called, inlined, shifted
-from flexdrive_gym.drive.effects import LAYOUT, N_PARAMETERS, N_STATES
-from flexdrive_gym.drive.forces import W2, accelerations, level_1, level_2, margin_1, margin_2, rates
+from flexdrive_gym.drive.effects import FLAG, LAYOUT, N_BASE_PARAMETERS, N_STATES
+from flexdrive_gym.drive.forces import (
+    W2,
+    accelerations,
+    begin_piece,
+    finish_piece,
+    level_1,
+    level_2,
+    margin_1,
+    margin_2,
+    rates,
+)
 
 MAX_EVENTS = 12
 D1, D2 = LAYOUT["d1"].index, LAYOUT["d2"].index
 TABLE = 61
+_INTEGRATES = FLAG["rates", None]
+_FINISHES_1, _FINISHES_2, _FINISHES_ACTUATOR = (FLAG["finish", where] for where in ("cart_1", "cart_2", "actuator"))
 
 
 @inlined
@@ -50,20 +62,20 @@ def _width(z: Any) -> int:
 
 @inlined
 def _slopes(slope: int, x1: float, v1: float, x2: float, v2: float, u: float, t: float, z: Any, r: int, p: Any) -> None:
-    if z is not None:
+    if z is not None and z[_INTEGRATES] != 0.0:
         rates(slope * _width(z) - r, x1, v1, x2, v2, u, t, z, r, p)
 
 
 @inlined
 def _stage(slope: int, h: float, z: Any) -> None:
-    if z is not None:
+    if z is not None and z[_INTEGRATES] != 0.0:
         n = _width(z)
         for i in range(n):
             z[n + i] = z[i] + h * z[slope * n + i]
 
 
 @inlined
-def smooth(
+def _smooth(
     x1: float,
     v1: float,
     x2: float,
@@ -76,10 +88,6 @@ def smooth(
     z: Any,
     p: Any,
 ) -> tuple[float, float, float, float, float, float]:
-    """Integrate one smooth piece by RK4; return x1, v1, x2, v2 and the accelerations at its start.
-
-    Additional states are read from the first row of ``z`` and left in its last.
-    """
     half = 0.5 * h
     n = _width(z)
     a1, b1 = accelerations(x1, v1, x2, v2, s1, s2, u, t, z, 0, p)
@@ -104,7 +112,7 @@ def smooth(
     _slopes(5, x1d, v1d, x2d, v2d, u, t + h, z, n, p)
 
     sixth = h / 6.0
-    if z is not None:
+    if z is not None and z[_INTEGRATES] != 0.0:
         for i in range(n):
             z[6 * n + i] = z[i] + sixth * (z[2 * n + i] + 2.0 * (z[3 * n + i] + z[4 * n + i]) + z[5 * n + i])
     return (
@@ -115,6 +123,47 @@ def smooth(
         a1,
         b1,
     )
+
+
+@called
+def _smooth_full(
+    x1: float,
+    v1: float,
+    x2: float,
+    v2: float,
+    s1: float,
+    s2: float,
+    u: float,
+    t: float,
+    h: float,
+    z: Any,
+    p: Any,
+) -> tuple[float, float, float, float, float, float]:
+    begin_piece(x1, x2, t, z)
+    return _smooth(x1, v1, x2, v2, s1, s2, u, t, h, z, p)
+
+
+@inlined
+def smooth(
+    x1: float,
+    v1: float,
+    x2: float,
+    v2: float,
+    s1: float,
+    s2: float,
+    u: float,
+    t: float,
+    h: float,
+    z: Any,
+    p: Any,
+) -> tuple[float, float, float, float, float, float]:
+    """Integrate one smooth piece by RK4; return x1, v1, x2, v2 and the accelerations at its start.
+
+    Additional states are read from the first row of ``z`` and left in its last.
+    """
+    if z is None:
+        return _smooth(x1, v1, x2, v2, s1, s2, u, t, h, z, p)
+    return _smooth_full(x1, v1, x2, v2, s1, s2, u, t, h, z, p)
 
 
 @called
@@ -132,7 +181,7 @@ def tabulate(h: float, table: Any, z: Any, p: Any) -> None:
     for i in range(TABLE):
         table[i] = 0.0
     free = shifted(table, TABLE)
-    for i in range(N_PARAMETERS):
+    for i in range(N_BASE_PARAMETERS):
         free[i] = p[i]
     free[D1], free[D2] = 0.0, 0.0
     for mode in range(3):
@@ -206,11 +255,15 @@ def _direction(v: float, released: float, margin: float, sign: float) -> float:
 
 
 @inlined
-def _commit(z: Any) -> None:
+def _commit(x1: float, x2: float, s1: float, s2: float, u: float, t: float, z: Any, p: Any) -> None:
+    """Keep what the last smooth piece, which ended at these positions and this time, made of the effects' states."""
     if z is not None:
-        n = _width(z)
-        for i in range(n):
-            z[i] = z[6 * n + i]
+        if z[_INTEGRATES] != 0.0:
+            n = _width(z)
+            for i in range(n):
+                z[i] = z[6 * n + i]
+        if z[_FINISHES_1] + z[_FINISHES_2] + z[_FINISHES_ACTUATOR] != 0.0:
+            finish_piece(x1, x2, s1, s2, u, t, z, p)
 
 
 @inlined
@@ -274,7 +327,7 @@ def step_through_events(
         over_2, free_2 = margin_2(y1, y2, w1, t + left, z, trial, p) if s2 == 0.0 and p[W2] > 0.0 else (0.0, 0.0)
         loose_1, loose_2 = over_1 > 0.0, over_2 > 0.0
         if attempt == MAX_EVENTS - 1 or not (stop_1 or stop_2 or loose_1 or loose_2):
-            _commit(z)
+            _commit(y1, y2, s1, s2, u, t + left, z, p)
             return y1, 0.0 if stop_1 else w1, y2, 0.0 if stop_2 else w2
 
         theta_1, theta_2 = 2.0, 2.0
@@ -293,7 +346,7 @@ def step_through_events(
         theta = min(theta_1, theta_2)
         h_event = theta * left
         x1, v1, x2, v2, _a1, _a2 = smooth(x1, v1, x2, v2, s1, s2, u, t, h_event, z, p)
-        _commit(z)
+        _commit(x1, x2, s1, s2, u, t + h_event, z, p)
         released_1, released_2 = 0.0, 0.0
         if theta_1 <= theta:
             v1 = 0.0

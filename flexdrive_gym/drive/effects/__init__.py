@@ -12,18 +12,22 @@ from importlib import import_module
 from pkgutil import iter_modules
 from typing import Any
 
-from flexdrive_gym.drive.compilation import inlined
+import numpy as np
+
+from flexdrive_gym.drive.compilation import called, inlined
 from flexdrive_gym.drive.effects._effect import SITES, Effect, Parameter, Site, Where
 
 __all__ = ["EFFECTS", "LAYOUT", "SITES", "Effect", "Parameter", "Slot", "Where", "chain"]
 
 # the parameter vector starts with the inverse masses 1/m1 and 1/m2; 1/m2 = 0 makes a rigid, one-cart drive
 MASSES = 2
+# rows of additional states: state, stage, four slopes, trial
+ROWS = 7
 
 
 @dataclass(frozen=True)
 class Slot:
-    """Where one parameter of one effect at one place lives in the parameter vector."""
+    """Where one parameter of one effect at one place lives in the parameter vector, and what it remembers."""
 
     effect: Effect
     where: Where
@@ -31,11 +35,17 @@ class Slot:
     index: int
     base_index: int
     state_index: int
+    memory_index: int
 
     @property
     def key(self) -> str:
         """Name of the parameter in a drive."""
         return self.effect.key(self.where, self.parameter.name)
+
+    @property
+    def switches(self) -> bool:
+        """Whether this parameter off its null makes the variant with all effects necessary."""
+        return self.parameter.extended or (not self.effect.base and self.parameter.role == "size")
 
 
 def _discover() -> tuple[Effect, ...]:
@@ -50,35 +60,85 @@ EFFECTS: tuple[Effect, ...] = _discover()
 
 def _layout() -> dict[str, Slot]:
     slots: dict[str, Slot] = {}
-    index, state = MASSES, 0
+    index, state, memory = MASSES, 0, 0
     for item in EFFECTS:
         for where in item.where:
             base = index
             for parameter in item.parameters:
-                slot = Slot(item, where, parameter, index, base, state)
+                slot = Slot(item, where, parameter, index, base, state, memory)
                 slots[slot.key] = slot
                 index += 1
             state += len(item.states)
+            memory += item.memory
     return slots
 
 
 LAYOUT: dict[str, Slot] = _layout()
 N_PARAMETERS = MASSES + len(LAYOUT)
 N_BASE_PARAMETERS = MASSES + sum(slot.effect.base for slot in LAYOUT.values())
-# at least one, so that the work space of the full variant has rows
-N_STATES = max(1, sum(len(item.states) * len(item.where) for item in EFFECTS))
+N_STATES = sum(len(item.states) * len(item.where) for item in EFFECTS)
+N_MEMORY = sum(item.memory * len(item.where) for item in EFFECTS)
 
+# The workspace of the variant with all effects: rows of states; where a replay anchors the carts; where and when the piece
+# began; which chains have anything to do; memory.
+ANCHOR_1, ANCHOR_2, BEGIN_1, BEGIN_2, BEGIN_T = (ROWS * N_STATES + i for i in range(5))
+_FLAGS = ROWS * N_STATES + 5
 
-_ARGUMENTS: dict[str, tuple[str, bool]] = {
-    # signature after the accumulated value, and whether the hook sees the additional states
-    "command": ("t", False),
-    "spring": ("delta, rate", True),
-    "cart": ("x, v, fs, t", True),
-    "friction": ("x, v, s, fs, t", False),
-    "breakaway": ("x, s, fs, t", False),
-    "rates": ("x1, v1, x2, v2, u, t", True),
-    "reading": ("t", False),
+_ARGUMENTS: dict[str, str] = {
+    # signature after the accumulated value
+    "command": "t",
+    "actuator": "dt",
+    "transmission": "v1",
+    "deflection": "",
+    "spring": "delta, rate",
+    "damping": "v, s, t",
+    "cart": "x, v, s, dx, t",
+    "friction": "x, v, s, fs, t",
+    "breakaway": "x, s, fs, t",
+    "rates": "x1, v1, x2, v2, u, t",
+    "begin": "v, v1, v2, u",
+    "finish": "dx, s, u, dt",
+    "reading": "x, v, t, h",
+    "speed": "",
 }
+# sites whose hooks see what the effect remembers
+_REMEMBERING = {"actuator", "transmission", "spring", "cart", "rates", "begin", "finish", "reading"}
+# chains that exist once per place
+_PLACES: dict[str, tuple[str, ...]] = {
+    **dict.fromkeys(("damping", "cart", "friction", "breakaway"), ("cart_1", "cart_2")),
+    **dict.fromkeys(("reading", "speed"), ("encoder_1", "encoder_2")),
+    "begin": ("cart_1", "cart_2", "actuator", "drivetrain", "structure"),
+    "finish": ("cart_1", "cart_2", "actuator"),
+}
+CHAINS: tuple[tuple[str, str | None], ...] = tuple((site, w) for site in SITES for w in _PLACES.get(site, (None,)))
+FLAG = {which: _FLAGS + i for i, which in enumerate(CHAINS)}
+_MEMORY = _FLAGS + len(CHAINS)
+WORKSPACE = _MEMORY + N_MEMORY
+
+
+def _hooks(site: str, where: str | None) -> list[tuple[Callable[..., Any], Slot]]:
+    """Return hooks of one chain in order, each with the slot of its effect's first parameter at its place."""
+    found = []
+    for item in sorted(EFFECTS, key=lambda e: e.order):
+        for place in item.where:
+            slot = next(s for s in LAYOUT.values() if s.effect is item and s.where == place)
+            own = item.hooks.get(site) if where is None or place == where else None  # type: ignore[call-overload]
+            targeted = item.hooks.get(f"{site}:{where}")  # type: ignore[call-overload]
+            found += [(hook, slot) for hook in (own, targeted) if hook is not None]
+    return found
+
+
+def _lines(site: str, where: str | None, names: dict[str, Any], *, base: bool) -> list[str]:
+    lines = []
+    for hook, slot in _hooks(site, where):
+        if base and not slot.effect.base:
+            continue
+        name = f"{slot.effect.id}_{len(names)}"
+        names[name] = inlined(hook)
+        own = f"r + {slot.state_index}" if slot.effect.states else f"{_MEMORY + slot.memory_index}"
+        arguments = ["acc", _ARGUMENTS[site], f"z, {own}" if site in _REMEMBERING else "", f"p, {slot.base_index}"]
+        lines.append(f"acc = {name}({', '.join(a for a in arguments if a)})")
+    return lines
 
 
 def chain(site: Site, where: str | None = None, *, base: bool) -> Callable[..., Any]:
@@ -92,26 +152,43 @@ def chain(site: Site, where: str | None = None, *, base: bool) -> Callable[..., 
         For sites that exist per place, the place; a hook named ``"cart:cart_2"`` belongs to one place whatever the
         effect's own ``where`` is.
     base
-        Whether to compose only the effects that every drive has.
+        Whether to compose only the effects that every drive has. The chain with all of them has a flag in the workspace and
+        skips them where it is not set.
     """
-    arguments, with_states = _ARGUMENTS[site]
     names: dict[str, Any] = {}
-    lines: list[str] = []
-    for item in EFFECTS:
-        if base and not item.base:
-            continue
-        for place in item.where:
-            slot = next(s for s in LAYOUT.values() if s.effect is item and s.where == place)
-            own = item.hooks.get(site) if where is None or place == where else None
-            targeted = item.hooks.get(f"{site}:{where}")  # type: ignore[call-overload]
-            for hook in (own, targeted):
-                if hook is None:
-                    continue
-                name = f"{item.id}_{len(names)}"
-                names[name] = inlined(hook)
-                state = f"z, r + {slot.state_index}, " if with_states else ""
-                lines.append(f"    acc = {name}(acc, {arguments}, {state}p, {slot.base_index})")
-    source = f"def composed(acc, {arguments}, z, r, p):\n" + "\n".join(lines) + "\n    return acc\n"
+    lines = _lines(site, where, names, base=True)
+    if not base:
+        skip = [f"    {line}" for line in [*lines, "return acc"]]
+        lines = [f"if z[{FLAG[site, where]}] == 0.0:", *skip, *_lines(site, where, names, base=False)]
+    arguments = ", ".join(a for a in ("acc", _ARGUMENTS[site], "z, r, p") if a)
+    source = "\n    ".join([f"def composed({arguments}):", *lines, "return acc\n"])
     # The hooks are known only once all files are found, and a compiled call must be written out; hence source text.
     exec(compile(source, f"<{site} chain>", "exec"), names)  # noqa: S102
     return inlined(names["composed"])
+
+
+def _switches() -> list[tuple[int, float, int]]:
+    """Return parameter, its null, and the flag it sets, for every chain and every parameter that makes it necessary."""
+    return [
+        (other.index, other.parameter.null, FLAG[which])
+        for which in CHAINS
+        for effect, place in dict.fromkeys((s.effect.id, s.where) for _hook, s in _hooks(*which))
+        for other in LAYOUT.values()
+        if (other.effect.id, other.where) == (effect, place) and other.switches
+    ]
+
+
+_SWITCHES = _switches()
+_SWITCH_PARAMETER = np.array([s[0] for s in _SWITCHES], dtype=np.int64)
+_SWITCH_NULL = np.array([s[1] for s in _SWITCHES])
+_SWITCH_FLAG = np.array([s[2] for s in _SWITCHES], dtype=np.int64)
+
+
+@called
+def prepare(z: Any, p: Any) -> None:
+    """Clear a workspace and note which chains have anything to do for these parameters."""
+    for i in range(WORKSPACE):
+        z[i] = 0.0
+    for i in range(len(_SWITCH_PARAMETER)):
+        if p[_SWITCH_PARAMETER[i]] != _SWITCH_NULL[i]:
+            z[_SWITCH_FLAG[i]] = 1.0

@@ -9,27 +9,43 @@ effects and compiles the chain into the step. Every hook receives what the chain
 argument and returns it changed, or unchanged at null. The last two arguments are the drive's parameter vector ``p``
 and the offset ``o`` of this effect's first parameter in it.
 
-=============== ============================================= ==================================================
-site            signature                                     accumulates
-=============== ============================================= ==================================================
-``command``     ``(u, t, p, o)``                              the command on its way to the force [V]
-``spring``      ``(f, delta, rate, z, oz, p, o)``             force the spring puts on cart 2, minus it on cart 1 [V]
-``cart``        ``(f, x, v, fs, t, z, oz, p, o)``             smooth force on the cart besides u and spring [V]
-``friction``    ``(d, x, v, s, fs, t, p, o)``                 kinetic Coulomb level while sliding in direction s [V]
-``breakaway``   ``(d, x, s, fs, t, p, o)``                    level to overcome from rest in direction s [V]
-``rates``       ``(w, x1, v1, x2, v2, u, t, z, oz, p, o)``    writes its states' rates to ``z[oz + w], ...``
-``reading``     ``(y, t, p, o)``                              what the encoder of that cart reports [mm]
-=============== ============================================= ==================================================
+================ ================================================ ===================================================
+site             signature                                        accumulates
+================ ================================================ ===================================================
+``command``      ``(u, t, p, o)``                                 the command on its way to the amplifier [V]
+``actuator``     ``(u, dt, z, oz, p, o)``                         what the amplifier makes of it, of its own state [V]
+``transmission`` ``(u, v1, z, oz, p, o)``                         what of that arrives at cart 1 [V]
+``deflection``   ``(delta, p, o)``                                the deflection that the spring feels [mm]
+``spring``       ``(f, delta, rate, z, oz, p, o)``                force the spring puts on cart 2, minus it on cart 1 [V]
+``damping``      ``(b, v, s, t, p, o)``                           viscous coefficient of the cart; its force is -b·v
+``cart``         ``(f, x, v, s, dx, t, z, oz, p, o)``             smooth force on the cart besides all of these [V]
+``friction``     ``(d, x, v, s, fs, t, p, o)``                    kinetic Coulomb level while sliding in direction s [V]
+``breakaway``    ``(d, x, s, fs, t, p, o)``                       level to overcome from rest in direction s [V]
+``rates``        ``(w, x1, v1, x2, v2, u, t, z, oz, p, o)``       writes its states' rates to ``z[oz + w], ...``
+``begin``        ``(w, v, v1, v2, u, z, oz, p, o)``               writes its states or memory at the start; returns w
+``finish``       ``(w, dx, s, u, dt, z, oz, p, o)``               brings its memory to the end of a piece; returns w
+``reading``      ``(y, x, v, t, h, z, oz, p, o)``                 what the encoder of that cart reports [mm]
+``speed``        ``(r, p, o)``                                    rate of the readings before any filter [mm/s]
+================ ================================================ ===================================================
 
-``x, v`` are the cart's position [mm] and velocity [mm/s], ``fs`` the spring force [V], ``t`` the time since the start
-of the run [s], ``z`` the additional states with this effect's own from index ``oz`` on.
+``x, v`` are the cart's position [mm] and velocity [mm/s]; ``x`` includes the anchor of a replay (where the rig really was, see
+:func:`~flexdrive_gym.drive.kernels.run_open_loop`). ``s`` is the direction of sliding, 0 at rest. ``fs`` is the spring force [V],
+``t`` the time since the start of the run [s], ``h`` the sample time [s]. ``dx`` and ``dt`` are the way and the time since the
+beginning of the smooth piece that is being integrated; the direction of sliding and the command are constant in a piece.
+
+What an effect remembers comes in two kinds, and ``z[oz]`` is the first of its own:
+
+* ``states`` are integrated: ``rates`` gives their rates, and every stage of the integrator has its row of them;
+* ``memory`` cells are constant within a piece or between samples: a law that is known in closed form over a piece (a bristle
+  along the way, a lag under a held command) is evaluated exactly from ``dx`` or ``dt`` and written down by ``finish``;
+  sensors write theirs in ``reading``, whose first call has ``t = 0``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 Where = Literal[
     "cart_1",
@@ -43,8 +59,23 @@ Where = Literal[
     "structure",
     "parameters",
 ]
-Site = Literal["command", "spring", "cart", "friction", "breakaway", "rates", "reading"]
-SITES: tuple[Site, ...] = ("command", "spring", "cart", "friction", "breakaway", "rates", "reading")
+Site = Literal[
+    "command",
+    "actuator",
+    "transmission",
+    "deflection",
+    "spring",
+    "damping",
+    "cart",
+    "friction",
+    "breakaway",
+    "rates",
+    "begin",
+    "finish",
+    "reading",
+    "speed",
+]
+SITES: tuple[Site, ...] = get_args(Site)
 Hook = Callable[..., Any]
 
 
@@ -66,6 +97,12 @@ class Parameter:
         A few words.
     starts
         Values from which a fit starts, at plainly present size.
+    role
+        ``size``: the effect grows with it from nothing at null, in first proportion, so a sensitivity at null means something.
+        ``shape``: how the effect looks (a width, a period); without its size it does nothing, its ``null`` is only the
+        value it has where none is given, and a fit needs the grid of ``starts``.
+    extended
+        In a base effect: a drive that has this parameter off its null needs the variant with all effects.
     """
 
     name: str
@@ -75,6 +112,8 @@ class Parameter:
     upper: float
     meaning: str
     starts: tuple[float, ...] = ()
+    role: Literal["size", "shape"] = "size"
+    extended: bool = False
 
 
 @dataclass(frozen=True)
@@ -96,7 +135,9 @@ class Effect:
     tells_itself_by, looks_like, separating_experiment, reference
         For the diagnosis and the documentation.
     states
-        Names of additional continuous states.
+        Names of additional states that are integrated.
+    memory
+        How many memory cells it keeps per place; an effect has states or memory, not both.
     fastest_rate
         Largest rate [1/s] the effect brings for its parameter values, so that the step can be refined.
     base
@@ -117,6 +158,7 @@ class Effect:
     separating_experiment: str = ""
     reference: str = ""
     states: tuple[str, ...] = ()
+    memory: int = 0
     fastest_rate: Callable[[tuple[float, ...]], float] | None = None
     base: bool = False
     order: int = 0

@@ -12,7 +12,7 @@ from typing import Any
 from flexdrive_gym.drive.effects._effect import Effect, Parameter
 
 
-def _friction(d: float, x: float, v: float, s: float, fs: float, t: float, p: Any, o: int) -> float:  # noqa: ARG001
+def _friction(d: float, x: float, v: float, s: float, fs: float, t: float, p: Any, o: int) -> float:
     return d + p[o]
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from flexdrive_gym.drive.effects._effect import Effect, Parameter
 
 
-def _reading(y: float, t: float, p: Any, o: int) -> float:  # noqa: ARG001
+def _reading(y: float, x: float, v: float, t: float, h: float, z: Any, oz: int, p: Any, o: int) -> float:
     q = p[o]
     if q == 0.0:
         return y
@@ -25,4 +25,5 @@ EFFECT = Effect(
     tells_itself_by="raw-difference velocities on a grid of q/Ts",
     reference="0.0046592 mm on the handout's rig",
     base=True,
+    order=9,
 )

@@ -7,7 +7,7 @@ from typing import Any
 from flexdrive_gym.drive.effects._effect import Effect, Parameter
 
 
-def _spring(f: float, delta: float, rate: float, z: Any, oz: int, p: Any, o: int) -> float:  # noqa: ARG001
+def _spring(f: float, delta: float, rate: float, z: Any, oz: int, p: Any, o: int) -> float:
     return f + p[o] * rate
 
 

@@ -13,7 +13,7 @@ EFFECT = Effect(
     id="velocity_processing",
     where=("encoder_1", "encoder_2"),
     equation="v[n] = a·v[n-1] + (1 - a)·(x[n] - x[n-1])/Ts,  a = exp(-2π·cutoff·Ts); raw difference at cutoff = 0",
-    parameters=(Parameter("cutoff", "Hz", 0.0, 0.0, 1e5, "cut-off of the derivative filter", (50.0,)),),
+    parameters=(Parameter("cutoff", "Hz", 0.0, 0.0, 1e5, "cut-off of the derivative filter", (50.0,), role="shape"),),
     tells_itself_by="smooth velocities that lag the raw difference of the positions",
     looks_like=("encoder_delay",),
     separating_experiment="record position and velocity together",

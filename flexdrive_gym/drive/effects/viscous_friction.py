@@ -7,8 +7,8 @@ from typing import Any
 from flexdrive_gym.drive.effects._effect import Effect, Parameter
 
 
-def _cart(f: float, x: float, v: float, fs: float, t: float, z: Any, oz: int, p: Any, o: int) -> float:  # noqa: ARG001
-    return f - p[o] * v
+def _damping(b: float, v: float, s: float, t: float, p: Any, o: int) -> float:
+    return b + p[o]
 
 
 EFFECT = Effect(
@@ -16,7 +16,7 @@ EFFECT = Effect(
     where=("cart_1", "cart_2"),
     equation="F = -b·v",
     parameters=(Parameter("b", "V s/mm", 0.0, 0.0, 1.0, "viscous damping", (0.005,)),),
-    hooks={"cart": _cart},
+    hooks={"damping": _damping},
     tells_itself_by="steady velocity proportional to u; the real pole -p",
     looks_like=("quadratic_drag", "stribeck"),
     separating_experiment="plateaus at several amplitudes; back-EMF and b1 are never separable from u and v alone",

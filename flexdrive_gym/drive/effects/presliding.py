@@ -1,0 +1,65 @@
+r"""Presliding: before a contact slides its asperities bend like bristles, and friction is a spring with hysteresis.
+
+Dahl's bristle of deflection :math:`\zeta` [mm], :math:`|\zeta| \le x_s`, in parallel with what is left of the Coulomb level:
+
+.. math:: \dot\zeta = v\,(1 - \operatorname{sgn}(v)\,\zeta/x_s), \qquad F = -f_d\,\zeta/x_s .
+
+Along the way :math:`d\zeta/dx = 1 - s\,\zeta/x_s` does not contain time: while the cart slides in direction s,
+
+.. math:: \zeta(\Delta x) = s x_s + (\zeta_0 - s x_s)\,e^{-s\,\Delta x/x_s} .
+
+The step evaluates this closed form instead of integrating :math:`\dot\zeta`, whose rate :math:`|v|/x_s` reaches 10⁴/s: it is
+stable at every speed, and a reversal, where the force does change, begins at v = 0 and is well resolved. Pure presliding is d = 0.
+Worked check: a small displacement Δx from rest pulls back with :math:`(f_d/x_s)\,\Delta x`; with :math:`f_d` = 0.1 V and
+:math:`x_s` = 0.5 mm the force is 63 % of 0.1 V after 0.5 mm.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from flexdrive_gym.drive.compilation import inlined
+from flexdrive_gym.drive.effects._effect import Effect, Parameter
+
+
+
+@inlined
+def _bristle(zeta: float, dx: float, s: float, xs: float) -> float:
+    return s * xs + (zeta - s * xs) * np.exp(-s * dx / xs) if s != 0.0 else zeta
+
+
+def _cart(f: float, x: float, v: float, s: float, dx: float, t: float, z: Any, oz: int, p: Any, o: int) -> float:
+    if p[o] == 0.0:
+        return f
+    return f - p[o] * _bristle(z[oz], dx, s, p[o + 1]) / p[o + 1]
+
+
+def _finish(w: int, dx: float, s: float, u: float, dt: float, z: Any, oz: int, p: Any, o: int) -> int:
+    if p[o] != 0.0:
+        z[oz] = _bristle(z[oz], dx, s, p[o + 1])
+    return w
+
+
+def _begin(w: int, v: float, v1: float, v2: float, u: float, z: Any, oz: int, p: Any, o: int) -> int:
+    # a cart that is already sliding has its bristles bent
+    z[oz] = p[o + 1] if v > 0.0 else -p[o + 1] if v < 0.0 else 0.0
+    return w
+
+
+EFFECT = Effect(
+    id="presliding",
+    where=("cart_1", "cart_2"),
+    equation="F = -fd·ζ/xs,  dζ/dt = v·(1 - sgn(v)·ζ/xs)",
+    parameters=(
+        Parameter("fd", "V", 0.0, 0.0, 8.0, "level of the bristles", (0.1, 0.3)),
+        Parameter("xs", "mm", 0.3, 0.02, 5.0, "presliding length", (0.05, 0.3, 1.5), role="shape"),
+    ),
+    hooks={"cart": _cart, "finish": _finish, "begin": _begin},
+    memory=1,
+    tells_itself_by="spring-like at each reversal",
+    looks_like=("stribeck", "encoder_play"),
+    separating_experiment="slow reversals of a few counts: presliding comes back elastically",
+    reference="P. R. Dahl, A solid friction model, Aerospace Corp. TOR-0158, 1968; C. Canudas de Wit et al., IEEE TAC 40(3), 1995",
+)
