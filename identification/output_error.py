@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexdrive_gym.drive import kernels, parameters
+from flexdrive_gym.drive.effects import WORKSPACE
 from flexdrive_gym.drive.sample import WORK_SPACE
 from flexdrive_gym.recording import BoolArray, Channel, FloatArray, Recording
 from identification.floor import period_samples, run_variance
@@ -37,6 +38,8 @@ class Run:
         Valid samples per cart.
     cutoff
         Of the velocity filter [Hz]; 0 for the raw difference.
+    track : ndarray, shape (2, n)
+        Where the carts were [mm]: positions as recorded, or summed velocities; effects of position follow it.
     floor
         Per cart, variance of block sums that no model can explain [(mm/s)²]: what differs between the periods of the
         run, or the encoder's noise where nothing repeats.
@@ -50,6 +53,7 @@ class Run:
     start: FloatArray
     cutoff: float
     floor: list[float]
+    track: FloatArray
 
     @property
     def block(self) -> int:
@@ -96,11 +100,28 @@ def prepare(recording: Recording) -> Run:
         counts = (recording.quantum[i] / h) ** 2 / 6.0 / width
         repeated = run_variance(x, keep[i], period_samples(recording), width)
         floor.append(max(counts, repeated if np.isfinite(repeated) else 0.0))
-    return Run(recording.name, u, h, v, keep, start, recording.velocity_cutoff or 0.0, floor)
+    return Run(recording.name, u, h, v, keep, start, recording.velocity_cutoff or 0.0, floor, _track(recording, v, keep))
 
 
-def simulate_run(values: Mapping[str, float], run: Run, physics_step: float = 1e-3) -> list[FloatArray]:
-    """Return the simulated velocities of one run, a list of ndarray of shape (n,) per cart [mm/s]."""
+def _track(recording: Recording, v: Sequence[FloatArray], keep: Sequence[BoolArray]) -> FloatArray:
+    """Where the carts were [mm]; while an encoder is faulty, its cart is taken to move as the other one."""
+    rows = []
+    for c, x in enumerate((recording.x1, recording.x2)[: len(v)]):
+        if x is not None and keep[c].all():
+            rows.append(x)
+            continue
+        other = v[1 - c] if len(v) == 2 else np.zeros_like(v[c])
+        rows.append((0.0 if x is None else x[0]) + np.cumsum(np.where(keep[c], v[c], other)) * recording.sample_time)
+    return np.ascontiguousarray(np.vstack([rows[0], rows[-1]]), dtype=np.float64)
+
+
+def simulate_run(
+    values: Mapping[str, float], run: Run, physics_step: float = 1e-3, pushes: FloatArray | None = None
+) -> list[FloatArray]:
+    """Return the simulated velocities of one run, a list of ndarray of shape (n,) per cart [mm/s].
+
+    ``pushes``, ndarray, shape (2, n), are additional forces on the carts [V].
+    """
     p = parameters.vector(values)
     for place in ("encoder_1", "encoder_2"):
         p[parameters.index(f"encoder_quantisation.{place}.quantum")] = 0.0
@@ -113,10 +134,12 @@ def simulate_run(values: Mapping[str, float], run: Run, physics_step: float = 1e
         steps,
         run.start,
         np.zeros(WORK_SPACE),
-        parameters.workspace(values),
+        parameters.workspace(values) if pushes is None else np.zeros(WORKSPACE),
         p,
         readings,
         None,
+        run.track,
+        pushes,
     )
     return [readings[2 + i] for i in range(len(run.measured))]
 

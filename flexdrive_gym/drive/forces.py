@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from flexdrive_gym.drive.compilation import called, inlined
-from flexdrive_gym.drive.effects import ANCHOR_1, ANCHOR_2, BEGIN_1, BEGIN_2, BEGIN_T, LAYOUT, chain
+from flexdrive_gym.drive.effects import ANCHOR_1, ANCHOR_2, BEGIN_1, BEGIN_2, BEGIN_T, LAYOUT, PUSH_1, PUSH_2, chain
 
 W1, W2 = 0, 1
 LIMIT = LAYOUT["saturation.limit"].index
@@ -81,7 +81,7 @@ def force_1(x: float, v: float, s: float, u: float, fs: float, t: float, z: Any,
     if z is None:
         return (u - fs) - _damping_1_base(0.0, v, s, t, z, r, p) * v
     f = _transmission(amplified(u, t, z, r, p), v, z, r, p) - fs
-    f = _cart_1(f, x + z[ANCHOR_1], v, s, x - z[BEGIN_1], t, z, r, p)
+    f = _cart_1(f + z[PUSH_1], x + z[ANCHOR_1], v, s, x - z[BEGIN_1], t, z, r, p)
     return f - max(_damping_1_full(0.0, v, s, t, z, r, p), 0.0) * v
 
 
@@ -90,7 +90,7 @@ def force_2(x: float, v: float, s: float, fs: float, t: float, z: Any, r: int, p
     """Return the force on cart 2 [V], all but Coulomb friction."""
     if z is None:
         return fs - _damping_2_base(0.0, v, s, t, z, r, p) * v
-    f = _cart_2(fs, x + z[ANCHOR_2], v, s, x - z[BEGIN_2], t, z, r, p)
+    f = _cart_2(fs + z[PUSH_2], x + z[ANCHOR_2], v, s, x - z[BEGIN_2], t, z, r, p)
     return f - max(_damping_2_full(0.0, v, s, t, z, r, p), 0.0) * v
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from flexdrive_gym.drive.compilation import kernel, pointer, shifted
 from flexdrive_gym.drive.forces import W2, limited
-from flexdrive_gym.drive.sample import MEMORY, advance, anchor, clear, measure, power_up
+from flexdrive_gym.drive.sample import MEMORY, advance, anchor, clear, measure, power_up, push
 from flexdrive_gym.drive.step import tabulate
 
 
@@ -32,13 +32,14 @@ def _run_open_loop(
     readings: Any,
     states: Any,
     track: Any,
+    pushes: Any,
 ) -> None:
     x1, v1, x2, v2 = start[0], start[1], start[2], start[3]
     q, m, w = pointer(p), pointer(memory), pointer(z)
     table = shifted(m, MEMORY)
     tabulate(sample_time / substeps, table, w, q)
     clear(v1, v2, m, w, q)
-    tracked, told = track.shape[1] > 0, states.shape[1] > 0
+    tracked, pushed, told = track.shape[1] > 0, pushes.shape[1] > 0, states.shape[1] > 0
     if tracked:
         anchor(track[0, 0], track[1, 0], x1, x2, w)
     r1, r2, s1, s2 = power_up(x1, v1, x2, v2, sample_time, m, w, q)
@@ -51,6 +52,8 @@ def _run_open_loop(
             t = i * sample_time
             if tracked:
                 anchor(track[0, i], track[1, i], x1, x2, w)
+            if pushed:
+                push(pushes[0, i], pushes[1, i], w)
             x1, v1, x2, v2 = advance(x1, v1, x2, v2, u[i], t, sample_time, substeps, table, m, w, q)
             if tracked:
                 anchor(track[0, i + 1], track[1, i + 1], x1, x2, w)
@@ -68,6 +71,7 @@ def run_open_loop(
     readings: Any,
     states: Any = None,
     track: Any = None,
+    pushes: Any = None,
 ) -> None:
     """Drive with a recorded command.
 
@@ -86,10 +90,13 @@ def run_open_loop(
         on the position along the track are anchored: at every sample their x is moved to the track, and follows the
         simulation within the sample. The spring and everything else stay simulated. A value that is not a number leaves
         the anchor where it was. Without effects beyond the base it changes nothing.
+    pushes : ndarray, shape (2, n), or None
+        Additional forces on cart 1 and cart 2 [V], held over each sample; they need the workspace ``z``.
     """
     # an array of no samples instead of None: one compiled kernel for all cases
     states, track = NOTHING if states is None else states, NOTHING if track is None else track
-    _run_open_loop(u, sample_time, substeps, start, memory, z, p, readings, states, track)
+    pushes = NOTHING if pushes is None else pushes
+    _run_open_loop(u, sample_time, substeps, start, memory, z, p, readings, states, track, pushes)
 
 
 @kernel

@@ -6,7 +6,7 @@ from math import exp, pi
 from typing import Any
 
 from flexdrive_gym.drive.compilation import inlined
-from flexdrive_gym.drive.effects import ANCHOR_1, ANCHOR_2, LAYOUT, N_BASE_PARAMETERS, prepare
+from flexdrive_gym.drive.effects import ANCHOR_1, ANCHOR_2, LAYOUT, N_BASE_PARAMETERS, PUSH_1, PUSH_2, prepare
 from flexdrive_gym.drive.forces import begin_effects, commanded, rate_1, rate_2, readings
 from flexdrive_gym.drive.step import TABLE, step
 
@@ -116,6 +116,13 @@ def anchor(track_1: float, track_2: float, x1: float, x2: float, z: Any) -> None
             z[ANCHOR_1] = track_1 - x1
         if track_2 == track_2:  # noqa: PLR0124
             z[ANCHOR_2] = track_2 - x2
+
+
+@inlined
+def push(force_1: float, force_2: float, z: Any) -> None:
+    """Let additional forces [V] act on the carts until the next sample."""
+    if z is not None:
+        z[PUSH_1], z[PUSH_2] = force_1, force_2
 
 
 @inlined

@@ -1,0 +1,131 @@
+r"""What chance reaches: the same rig with nothing left out, but as restless as real rigs are.
+
+Even a perfect model leaves an error on a real rig: friction differs from run to run and wanders within a run, the track is
+rough, and something always shakes. Each such nuisance is coloured by the drive and locked to its motion, so it resembles
+missing physics far more than white noise does. *Null draws* simulate the present model with random nuisance forces
+
+.. math:: F_c(t) = -\operatorname{sgn}(v_c)\, d_c \left(a_r + w_c(t) + h_c(x_c(t) + x_{0r})\right) + n_c(t),
+
+with :math:`a_r` one number per run, :math:`w_c` an Ornstein-Uhlenbeck process, :math:`h_c` one random profile of the track that
+every run meets from its own starting place, and :math:`n_c` band-limited noise and the slope of the track, which has such a
+profile too. Gains are shares, so only the mixture matters;
+it is drawn anew, over the range seen on two real rigs, for every draw. The gain of every candidate in every draw, relative to
+what that candidate usually reaches by chance, has a maximum over the catalogue; the share of draws in which it exceeds the
+observed one is the false-alarm probability of a search over everything (P. H. Westfall, S. S. Young, Resampling-based
+multiple testing, 1993).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+from scipy.signal import lfilter
+
+from flexdrive_gym.recording import FloatArray
+from identification.mismatch.screening import Screened
+from identification.mismatch.workbench import Workbench
+
+DRAWS = 199
+# spreads relative to the Coulomb level, correlation length of the track [mm], noise [V]: lowest and highest
+_BETWEEN, _WITHIN, _ROUGH = (0.02, 0.12), (0.01, 0.06), (0.005, 0.06)
+_LENGTH_MM, _NOISE_V = (3.0, 60.0), (0.005, 0.05)
+_SLOPE_MM, _SLOPE_V = (20.0, 200.0), (0.002, 0.02)
+_WANDER_S, _BAND_HZ, _START_MM = 2.0, 50.0, 150.0
+_RESTING = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class Chance:
+    """Gains of all candidates in null draws.
+
+    Attributes
+    ----------
+    gains : ndarray, shape (draws, candidates)
+        Shares of the null's error explained.
+    usual : ndarray, shape (candidates,)
+        What a candidate reaches in one draw of ten.
+    """
+
+    gains: FloatArray
+    usual: FloatArray
+
+    def probability(self, index: int, gain: float) -> float:
+        """Return the probability that any candidate does, by chance, as well against its usual as this one did."""
+        most = np.max(self.gains / self.usual, axis=1)
+        return float((1 + np.sum(most >= gain / self.usual[index])) / (1 + len(most)))
+
+
+def null_residuals(
+    bench: Workbench, values: Mapping[str, float], rng: np.random.Generator, draws: int = DRAWS
+) -> FloatArray:
+    """Return comparable residuals of the present model under random nuisance, shape (N, draws)."""
+    forces = [_nuisance(bench, values, np.random.default_rng(seed)) for seed in rng.integers(0, 2**63, draws)]
+    return bench.comparable(bench.pushed(values, forces, 1.0))
+
+
+def chance(
+    bench: Workbench, screened: Sequence[Screened], null: FloatArray, present: FloatArray
+) -> Chance:
+    """Return what every candidate explains of null residuals."""
+    e = null - present @ (present.T @ null)
+    total = np.maximum(np.sum(e**2, axis=0), 1e-300)
+
+    def gain(s: Screened) -> FloatArray:
+        if s.candidate.period is None:
+            return np.asarray(np.sum((s.basis.T @ e) ** 2, axis=0) / total)
+        rows = [bench.rows.of(r) for r in range(len(bench.runs))]
+        return np.asarray(sum(np.sum((s.basis[i].T @ e[i]) ** 2, axis=0) for i in rows) / total)
+
+    gains = np.column_stack(list(bench.pool.map(gain, screened)))
+    # a candidate that chance hardly feeds must still explain something
+    usual = np.maximum(np.quantile(gains, 0.9, axis=0), 2e-3)
+    return Chance(gains, usual)
+
+
+def _nuisance(bench: Workbench, values: Mapping[str, float], rng: np.random.Generator) -> list[FloatArray]:
+    between, within, rough = (_log_uniform(rng, *limits) for limits in (_BETWEEN, _WITHIN, _ROUGH))
+    length, noise = _log_uniform(rng, *_LENGTH_MM), _log_uniform(rng, *_NOISE_V)
+    carts = len(bench.runs[0].keep)
+    profiles = [_Profile(rng, length) for _ in range(carts)]
+    slope, slopes = _log_uniform(rng, *_SLOPE_V), [_Profile(rng, _log_uniform(rng, *_SLOPE_MM)) for _ in range(carts)]
+    pushes = []
+    for run in bench.runs:
+        n, h = len(run.u), run.sample_time
+        force = np.zeros((2, n))
+        start = rng.uniform(-_START_MM, _START_MM)
+        for c in range(carts):
+            v = gaussian_filter1d(run.measured[c], 0.004 / h)
+            level = max(values.get(f"d{c + 1}", 0.0) + _bristles(values, c), 0.05)
+            keep = np.exp(-h / _WANDER_S)
+            wander = lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], rng.standard_normal(n))
+            friction = between * rng.standard_normal() + within * wander + rough * profiles[c](run.track[c] + start)
+            shake = gaussian_filter1d(rng.standard_normal(n), 0.19 / _BAND_HZ / h)
+            force[c] = noise * shake / max(float(np.std(shake)), 1e-12)
+            force[c] += slope * slopes[c](run.track[c] + start)
+            force[c] -= np.where(np.abs(v) > _RESTING, np.sign(v), 0.0) * level * friction
+        pushes.append(force)
+    return pushes
+
+
+def _bristles(values: Mapping[str, float], cart: int) -> float:
+    return values.get(f"presliding.cart_{cart + 1}.fd", 0.0)
+
+
+def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+class _Profile:
+    """A random stationary function of position with unit variance: a sum of waves of random length."""
+
+    def __init__(self, rng: np.random.Generator, length: float, waves: int = 40) -> None:
+        self.k = rng.standard_normal(waves) / length
+        self.phase = rng.uniform(0.0, 2.0 * np.pi, waves)
+
+    def __call__(self, x: FloatArray) -> FloatArray:
+        grid = np.linspace(float(x.min()) - 1.0, float(x.max()) + 1.0, 400)
+        values = np.sqrt(2.0 / len(self.k)) * np.cos(self.k[:, None] * grid + self.phase[:, None]).sum(axis=0)
+        return np.asarray(np.interp(x, grid, values))

@@ -1,0 +1,366 @@
+"""Naming: add one effect at a time, each searched in the whole catalogue, until what is left could be chance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from flexdrive_gym.drive.effects import EFFECTS, LAYOUT
+from flexdrive_gym.recording import FloatArray
+from identification.mismatch.candidates import Candidate, bounds, catalogue
+from identification.mismatch.missing_force import MissingForce
+from identification.mismatch.refit import (
+    BASE_ONE,
+    BASE_TWO,
+    Coordinates,
+    Fit,
+    refit,
+    sensitivities,
+    with_fresh_jacobian,
+)
+from identification.mismatch.chance import Chance, chance, null_residuals
+from identification.mismatch.screening import Screened, orthonormal, screen
+from identification.mismatch.workbench import FRICTION, OFFSET, Workbench
+
+Progress = Callable[[str], None]
+# a finding must be rarer than this by chance, and explain at least this share of the remaining squared error
+LEVEL, LEAST_GAIN = 0.01, 0.05
+# rivals closer than this in gain, or not plainly worse in the paired recordings, are ties
+TIE_LEVEL, TIE_GAIN = 0.05, 0.85
+# friction along the track below this share of the drive is the roughness that every rig has
+ROUGHNESS = 0.02
+MOST_EFFECTS = 5
+_BATCH = 48
+_REFITS = 7
+_SECOND_STARTS = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Rival:
+    """A candidate refitted jointly with the model of its stage.
+
+    Attributes
+    ----------
+    screened
+        Its linear prospects.
+    fit
+        The joint refit.
+    offsets
+        Where every run began along the track [mm], modulo the period.
+    gain
+        Share of the stage's comparable squared error that the refit removed.
+    behind
+        Probability that it is as good as the stage's best, from the recordings' paired costs.
+    """
+
+    screened: Screened
+    fit: Fit
+    offsets: FloatArray
+    gain: float
+    behind: float = 1.0
+
+    @property
+    def candidate(self) -> Candidate:
+        """Effect and place with start values."""
+        return self.screened.candidate
+
+    @property
+    def name(self) -> tuple[str, str]:
+        """Effect and place."""
+        return self.candidate.name
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """One round of the search: what was tried, and what chance reaches.
+
+    Attributes
+    ----------
+    before
+        The model at the start of the round.
+    rivals
+        Refitted candidates, best first.
+    screened
+        Best entry of every effect and place, best first.
+    probability
+        False-alarm probability of the best rival's gain.
+    """
+
+    before: Fit
+    rivals: tuple[Rival, ...]
+    screened: tuple[Screened, ...]
+    probability: float
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """An effect that the search took up.
+
+    Attributes
+    ----------
+    rival
+        The effect with its joint refit.
+    ties
+        Others that these recordings cannot tell from it.
+    probability
+        False-alarm probability.
+    rms_before, rms_after
+        Of the block residuals in the recordings learnt from [mm/s].
+    roughness
+        Whether it is no finding but the roughness of every track.
+    """
+
+    rival: Rival
+    ties: tuple[tuple[str, str], ...]
+    probability: float
+    rms_before: float
+    rms_after: float
+    roughness: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """All rounds: the baseline, what was taken up, and where it ended."""
+
+    baseline: Fit
+    steps: tuple[Step, ...]
+    model: Fit
+    last: Stage
+    stages: tuple[Stage, ...] = field(default=(), repr=False)
+
+    @property
+    def findings(self) -> tuple[Step, ...]:
+        """Steps that are findings."""
+        return tuple(s for s in self.steps if not s.roughness)
+
+
+def directions(
+    bench: Workbench, candidates: Sequence[Candidate], values: Mapping[str, float], raw: FloatArray
+) -> list[FloatArray]:
+    """Return every candidate's comparable columns."""
+    jobs = [(i, drive) for i, candidate in enumerate(candidates) for drive in candidate.directions(values)]
+    columns: list[list[FloatArray]] = [[] for _ in candidates]
+    for begin in range(0, len(jobs), _BATCH):
+        part = jobs[begin : begin + _BATCH]
+        found = bench.comparable(bench.residuals([drive for _, drive in part]) - raw[:, None])
+        for (i, _), column in zip(part, found.T, strict=True):
+            columns[i].append(column)
+    return [np.column_stack(c) for c in columns]
+
+
+def search(
+    bench: Workbench,
+    values: Mapping[str, float],
+    carts: int,
+    rng: np.random.Generator,
+    *,
+    drive_level: float,
+    shapes: Callable[[Mapping[str, float]], Mapping[str, Sequence[float]]],
+    say: Progress = lambda _: None,
+) -> Search:
+    """Find the effects that were left out of a drive.
+
+    Parameters
+    ----------
+    bench
+        The recordings to learn from.
+    values
+        The free fit.
+    drive_level
+        Typical command [V], against which sizes are judged.
+    shapes
+        Start grids found from the data, for the present model.
+    """
+    names = BASE_TWO if carts == 2 else BASE_ONE
+    first = model = baseline(bench, values, names)
+    steps: list[Step] = []
+    stages: list[Stage] = []
+    while True:
+        now = stage(bench, model, carts, rng, shapes(model.values), say=say)
+        stages.append(now)
+        if not now.rivals or now.probability > LEVEL or now.rivals[0].gain < LEAST_GAIN or len(steps) >= MOST_EFFECTS + 2:
+            break
+        best = now.rivals[0]
+        rough = _roughness(best, drive_level)
+        if len([s for s in steps if not s.roughness]) >= MOST_EFFECTS and not rough:
+            break
+        before = rms(bench, model.values)
+        bench.offsets = best.offsets
+        model = settle(bench, best.fit.values, best.fit.names)
+        ties = () if rough else tuple(r.name for r in now.rivals[1:] if _ties(r, best) and not _roughness(r, drive_level))
+        steps.append(Step(best, ties[:3], now.probability, before, rms(bench, model.values), rough))
+        say(f"{'rough track' if rough else 'found'}: {best.name[0]} at {best.name[1]}")
+    return Search(first, tuple(steps), model, stages[-1], tuple(stages))
+
+
+def _ties(rival: Rival, best: Rival) -> bool:
+    return rival.gain > 0.5 * best.gain and (rival.behind > TIE_LEVEL or rival.gain > (1.0 - 0.02) * best.gain)
+
+
+def _roughness(rival: Rival, drive_level: float) -> bool:
+    if rival.candidate.id != "position_friction":
+        return False
+    size = np.hypot(*(rival.fit.values.get(f"position_friction.{rival.candidate.where}.{n}", 0.0) for n in ("a_sin", "a_cos")))
+    return bool(size < ROUGHNESS * drive_level)
+
+
+def rms(bench: Workbench, values: Mapping[str, float]) -> float:
+    """Return the rms of the block residuals over valid blocks [mm/s]."""
+    e = bench.residual(values)[bench.rows.valid]
+    return float(np.sqrt(np.mean(e**2)))
+
+
+def best_of_each(screened: Sequence[Screened], most: int = 1) -> list[Screened]:
+    """Return the best entries of every effect and place, best first."""
+    count: dict[tuple[str, str], int] = {}
+    kept = []
+    for s in sorted(screened, key=lambda s: -s.gain):
+        n = count.get(s.candidate.name, 0)
+        if n < most and s.gain > 0.0:
+            kept.append(s)
+            count[s.candidate.name] = n + 1
+    return kept
+
+
+def stage(
+    bench: Workbench,
+    model: Fit,
+    carts: int,
+    rng: np.random.Generator,
+    shapes: Mapping[str, Sequence[float]],
+    *,
+    say: Progress = lambda _: None,
+) -> Stage:
+    """Search the catalogue once for what explains most of the model's error."""
+    raw = bench.residual(model.values)
+    known = {n: v for n, v in model.values.items() if n in LAYOUT}
+    candidates = catalogue(carts, known, shapes)
+    say(f"screening {len(candidates)} candidates")
+    present = orthonormal(model.jacobian)
+    e = model.residual - present @ (present.T @ model.residual)
+    columns = directions(bench, candidates, model.values, raw)
+    screened = list(bench.pool.map(lambda pair: screen(bench, pair[0], pair[1], e, present), zip(candidates, columns, strict=True)))
+    luck = chance(bench, screened, null_residuals(bench, model.values, rng), present)
+    leaders = best_of_each(screened)
+    tried = []
+    for s in _to_refit(screened, leaders):
+        say(f"refitting with {s.candidate.id} ({s.candidate.where})")
+        tried.append(_rival(bench, model, s, raw))
+    best: dict[tuple[str, str], Rival] = {}
+    for r in tried:
+        if r.name not in best or r.fit.cost < best[r.name].fit.cost:
+            best[r.name] = r
+    rivals = _paired(bench, sorted(best.values(), key=lambda r: r.fit.cost), rng)
+    return Stage(model, tuple(rivals), tuple(leaders), _probability(rivals, screened, luck))
+
+
+def _probability(rivals: Sequence[Rival], screened: Sequence[Screened], luck: Chance) -> float:
+    if not rivals:
+        return 1.0
+    best = rivals[0]
+    # the linear prospect may have been at another start value of the same effect
+    own = [i for i, s in enumerate(screened) if s.candidate.name == best.name]
+    usual = max(own, key=lambda i: luck.usual[i])
+    return luck.probability(usual, max(best.gain, max(screened[i].gain for i in own)))
+
+
+def _to_refit(screened: Sequence[Screened], leaders: Sequence[Screened]) -> list[Screened]:
+    """The leaders, more than one start for the first of them, and what is known to look like the first."""
+    chosen = list(leaders[:_REFITS])
+    alike: set[str] = set()
+    for s in leaders[:2]:
+        alike |= {i for e in EFFECTS if e.id == s.candidate.id for i in e.looks_like}
+    chosen += [s for s in leaders[_REFITS:] if s.candidate.id in alike and s.gain > 0.1 * leaders[0].gain][:3]
+    for s in leaders[:_SECOND_STARTS]:
+        others = [o for o in screened if o.candidate.name == s.candidate.name and o is not s and o.gain > 0.3 * s.gain]
+        others = [o for o in others if o.candidate.shapes != s.candidate.shapes]
+        chosen += sorted(others, key=lambda o: -o.gain)[:1]
+    return chosen
+
+
+def _rival(bench: Workbench, model: Fit, s: Screened, raw: FloatArray) -> Rival:
+    c = s.candidate
+    start = {**model.values, **dict(c.shapes)}
+    for (key, _), size in zip(c.sizes, s.sizes, strict=True):
+        low, high = bounds(key)
+        start[key] = float(np.clip(size, low, high))
+    here = bench.offsets
+    keys = c.keys
+    if c.period is not None:
+        keys = _align(bench, model, c, start, raw)
+    # shapes do nothing while every size is null
+    if all(start[key] == LAYOUT[key].parameter.null for key, _ in c.sizes):
+        start.update({key: 0.1 * size for key, size in c.sizes})
+    fit = refit(bench, start, (*model.names, *keys), iterations=6, fresh=keys, known=(model.names, model.jacobian))
+    if c.period is not None:
+        keys = _align(bench, model, c, dict(fit.values), raw)
+        again = refit(bench, fit.values, (*model.names, *keys), iterations=3, fresh=keys, known=(model.names, model.jacobian))
+        fit = min(fit, again, key=lambda f: f.cost)
+    offsets, bench.offsets = bench.offsets, here
+    return Rival(s, fit, offsets, 1.0 - fit.cost / model.cost)
+
+
+def _align(bench: Workbench, model: Fit, c: Candidate, start: dict[str, float], raw: FloatArray) -> tuple[str, ...]:
+    """Find where every run began along the track from its own amplitudes; leave one amplitude in ``start``."""
+    sin, cos = (next(k for k, _ in c.sizes if k.endswith(end)) for end in ("a_sin", "a_cos"))
+    shape = tuple((k, start[k]) for k, _ in c.shapes)
+    step = dict(c.sizes)[sin]
+    probe = Candidate(c.id, c.where, ((sin, step), (cos, step)), shape)
+    columns = directions(bench, [probe], model.values, raw)[0]
+    present = orthonormal(model.jacobian)
+    columns -= present @ (present.T @ columns)
+    e = model.residual - present @ (present.T @ model.residual)
+    offsets, weight, size = bench.offsets.copy(), 0.0, 0.0
+    for r in range(len(bench.runs)):
+        rows = bench.rows.of(r)
+        (a, b), *_ = np.linalg.lstsq(columns[rows], -e[rows], rcond=1e-3)
+        w = float(np.sum(columns[rows] ** 2))
+        offsets[r] += np.arctan2(b, a) * start[c.period or ""] / (2.0 * np.pi)
+        weight, size = weight + w, size + w * float(np.hypot(a, b)) * step
+    bench.offsets = offsets
+    start[sin], start[cos] = size / max(weight, 1e-300), 0.0
+    return tuple(k for k in c.keys if k != cos)
+
+
+def _paired(bench: Workbench, rivals: Sequence[Rival], rng: np.random.Generator, draws: int = 999) -> list[Rival]:
+    """Judge rivals against the best by their costs in the same recordings, resampled."""
+    if not rivals:
+        return []
+    n = len(bench.runs)
+    pick = rng.integers(0, n, (draws, n))
+    costs = [np.array([float(np.sum(r.fit.residual[bench.rows.of(i)] ** 2)) for i in range(n)]) for r in rivals]
+    return [
+        replace(r, behind=float(np.mean((cost - costs[0])[pick].sum(axis=1) <= 0.0)) if i else 1.0)
+        for i, (r, cost) in enumerate(zip(rivals, costs, strict=True))
+    ]
+
+
+def baseline(bench: Workbench, values: Mapping[str, float], names: Sequence[str]) -> Fit:
+    """Refit the drive's own parameters on the bench and set its weights, whitening and run-to-run friction."""
+    fit = settle(bench, values, names)
+    return settle(bench, fit.values, names)
+
+
+def settle(bench: Workbench, values: Mapping[str, float], names: Sequence[str], *, spread: bool = True) -> Fit:
+    """Weigh anew with the present model's residuals, then fit it.
+
+    Parameters
+    ----------
+    spread
+        Whether friction and the track's slope may differ from run to run.
+    """
+    bench.forget_random_effects()
+    raw = bench.residual(values)
+    bench.weigh(raw)
+    if spread:
+        friction = [n for n in ("d1", "d2") if n in names]
+        c = Coordinates(friction, values)
+        # against a relative change of friction
+        c.scale = np.array([max(values.get(n, 0.0), 1e-3) for n in friction])
+        D = sensitivities(bench, c, c.of(values), values, raw)
+        ones = [[np.vstack([np.ones(len(run.u)), np.zeros(len(run.u))]) for run in bench.runs]]
+        D = np.column_stack([D, bench.pushed(values, ones, 0.02)])
+        bench.set_random_effects(bench.whitened(D), bench.whitened(raw), [FRICTION] * len(friction) + [OFFSET])
+    return with_fresh_jacobian(bench, refit(bench, values, names, iterations=6))

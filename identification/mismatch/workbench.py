@@ -1,0 +1,245 @@
+r"""The workbench of a diagnosis: every recording simulated, compared, weighted and rid of what may vary from run to run.
+
+Residuals are block means over 5 ms of measured minus simulated velocity, one row of blocks per recording and cart. Three
+linear operations make them comparable:
+
+* **weights** :math:`1/\sigma_{rc}`, from the floor of that channel and one common model error, as in
+  :mod:`identification.likelihood`;
+* **whitening**: residuals of a real rig are coloured, so an autoregressive filter, one per cart, estimated from the
+  residuals of the baseline, makes neighbouring blocks nearly independent. Sensitivities pass the same filter;
+* **random effects**: friction differs from run to run, and so does the slope of the track, for a run may begin anywhere.
+  Along the directions :math:`D_r` of one run's own friction and constant force the residual may be anything within the prior
+  :math:`N(0, S)`, so :math:`\varepsilon_r^T (I + D_r S D_r^T)^{-1} \varepsilon_r` replaces the sum of squares (N. M. Laird,
+  J. H. Ware, Random-effects models for longitudinal data, Biometrics 38, 1982).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import solve_toeplitz
+from scipy.signal import lfilter
+
+from flexdrive_gym.recording import BoolArray, FloatArray
+from identification.output_error import Run, simulate_run
+
+ORDER = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Where the blocks of every recording and cart lie in one long vector.
+
+    Attributes
+    ----------
+    starts
+        First block of every recording, and the end.
+    blocks
+        Blocks per cart of every recording.
+    valid
+        Which blocks no fault touches, shape (N,).
+    cart
+        Cart of every block, 0 or 1, shape (N,).
+    time
+        Start of every block [s], shape (N,).
+    """
+
+    starts: tuple[int, ...]
+    blocks: tuple[int, ...]
+    valid: BoolArray
+    cart: FloatArray
+    time: FloatArray
+
+    def of(self, run: int) -> slice:
+        """Return the rows of one recording."""
+        return slice(self.starts[run], self.starts[run + 1])
+
+
+def _rows(runs: Sequence[Run]) -> Rows:
+    starts, blocks, valid, cart, time = [0], [], [], [], []
+    for run in runs:
+        edges = np.arange(0, len(run.u), run.block)
+        blocks.append(len(edges))
+        for c, keep in enumerate(run.keep):
+            share = np.add.reduceat(keep.astype(float), edges) / np.diff(np.append(edges, len(run.u)))
+            valid.append(share > 0.5)
+            cart.append(np.full(len(edges), c))
+            time.append(edges * run.sample_time)
+        starts.append(starts[-1] + len(run.keep) * len(edges))
+    return Rows(
+        tuple(starts), tuple(blocks), np.concatenate(valid), np.concatenate(cart), np.concatenate(time)
+    )
+
+
+@dataclass(frozen=True)
+class Prior:
+    """How far runs may differ along one direction: relative friction, or a constant force [V]."""
+
+    group: str
+    start: float
+    least: float
+    most: float
+
+
+FRICTION = Prior("friction", 0.06, 0.02, 0.1)
+OFFSET = Prior("offset", 0.02, 0.003, 0.05)
+
+
+class Workbench:
+    """Recordings of one drive, and what is needed to compare models of it.
+
+    Parameters
+    ----------
+    runs
+        Prepared recordings.
+    pool
+        Runs the recordings on its threads.
+    """
+
+    def __init__(self, runs: Sequence[Run], pool: Executor, order: int = ORDER) -> None:
+        self.runs = list(runs)
+        self.pool = pool
+        self.order = order
+        self.rows = _rows(self.runs)
+        self.weights = self.rows.valid.astype(float)
+        self.filters: list[FloatArray] = [np.array([1.0]), np.array([1.0])]
+        self.offsets = np.zeros(len(self.runs))
+        self.spread: dict[str, float] = {}
+        self._random: list[FloatArray] = []
+
+    def blocks(self, values: Mapping[str, float], run: int, pushes: FloatArray | None = None) -> FloatArray:
+        """Return block means of measured minus simulated velocity of one recording, all carts in a row [mm/s]."""
+        item = self.runs[run]
+        if self.offsets[run] != 0.0:
+            item = replace(item, track=item.track + self.offsets[run])
+        edges = np.arange(0, len(item.u), item.block)
+        out = []
+        simulation = simulate_run(values, item, pushes=pushes)
+        for measured, simulated, keep in zip(item.measured, simulation, item.keep, strict=True):
+            count = np.add.reduceat(keep.astype(float), edges)
+            out.append(np.add.reduceat(np.where(keep, measured - simulated, 0.0), edges) / np.maximum(count, 1.0))
+        return np.concatenate(out)
+
+    def residual(self, values: Mapping[str, float], *, parallel: bool = True) -> FloatArray:
+        """Return the block residuals of all recordings [mm/s], shape (N,)."""
+        parts = (self.pool.map if parallel else map)(lambda r: self.blocks(values, r), range(len(self.runs)))
+        return np.concatenate(list(parts))
+
+    def residuals(self, many: Sequence[Mapping[str, float]]) -> FloatArray:
+        """Return the block residuals of many drives, shape (N, number of drives)."""
+        jobs = list(self.pool.map(lambda values: self.residual(values, parallel=False), many))
+        return np.column_stack(jobs) if jobs else np.zeros((len(self.weights), 0))
+
+    def pushed(self, values: Mapping[str, float], pushes: Sequence[Sequence[FloatArray]], size: float) -> FloatArray:
+        """Return what additional forces change in the residual, per volt, shape (N, forces).
+
+        Parameters
+        ----------
+        pushes
+            For every force, for every recording, ndarray, shape (2, n): the force on each cart, of order 1.
+        size
+            Force [V] at which the change is taken.
+        """
+        here = np.concatenate(
+            list(self.pool.map(lambda r: self.blocks(values, r, np.zeros((2, len(self.runs[r].u)))), range(len(self.runs))))
+        )
+
+        def one(force: Sequence[FloatArray]) -> FloatArray:
+            return np.concatenate([self.blocks(values, r, size * force[r]) for r in range(len(self.runs))])
+
+        return np.column_stack([(moved - here) / size for moved in self.pool.map(one, pushes)])
+
+    def weigh(self, residual: FloatArray) -> None:
+        """Set weights and whitening filters from the residuals of the present model."""
+        n, own, floor, pieces = [], [], [], []
+        for r, run in enumerate(self.runs):
+            for c in range(len(run.keep)):
+                piece = self.piece(r, c)
+                e = residual[piece][self.rows.valid[piece]]
+                pieces.append(piece)
+                n.append(max(len(e), 1))
+                own.append(float(e @ e) / max(len(e), 1))
+                # a floor is the variance of a block sum over the root of its samples
+                floor.append(run.floor[c] / run.block)
+        count, measured, least = np.array(n), np.array(own), np.array(floor)
+        error = max(float((measured - least) @ count / count.sum()), 0.01 * float(measured @ count / count.sum()))
+        for piece, f in zip(pieces, least, strict=True):
+            self.weights[piece] = self.rows.valid[piece] / np.sqrt(f + error)
+        self.filters = [self._whitening(residual * self.weights, c) for c in range(2)]
+
+    def piece(self, run: int, cart: int) -> slice:
+        """Return the rows of one recording and cart."""
+        start = self.rows.starts[run] + cart * self.rows.blocks[run]
+        return slice(start, start + self.rows.blocks[run])
+
+    def _whitening(self, weighted: FloatArray, cart: int) -> FloatArray:
+        if self.order == 0:
+            return np.array([1.0])
+        lags = np.zeros(self.order + 1)
+        for r, run in enumerate(self.runs):
+            if cart < len(run.keep):
+                e = weighted[self.piece(r, cart)]
+                lags += [float(e[: len(e) - k] @ e[k:]) for k in range(self.order + 1)]
+        if not lags[0] > 0.0:
+            return np.array([1.0])
+        lags[0] *= 1.0 + 1e-6
+        a = solve_toeplitz(lags[:-1], lags[1:])
+        gain = np.sqrt(max(1.0 - float(a @ lags[1:]) / lags[0], 1e-6))
+        return np.concatenate(([1.0], -a)) / gain
+
+    def whitened(self, x: FloatArray) -> FloatArray:
+        """Weight and whiten residuals or sensitivities, shape (N,) or (N, k)."""
+        single = x.ndim == 1
+        y = (x[:, None] if single else x) * self.weights[:, None]
+        for r, run in enumerate(self.runs):
+            for c in range(len(run.keep)):
+                piece = self.piece(r, c)
+                y[piece] = lfilter(self.filters[c], [1.0], y[piece], axis=0) * self.rows.valid[piece][:, None]
+        return y[:, 0] if single else y
+
+    def set_random_effects(self, directions: FloatArray, residual: FloatArray, priors: Sequence[Prior]) -> None:
+        """Let the runs differ along the given whitened directions; estimate by how much.
+
+        Parameters
+        ----------
+        directions
+            Whitened sensitivities, shape (N, k).
+        residual
+            Whitened residual, shape (N,).
+        priors
+            One per direction: the group it shares its spread with, where the estimate starts and may go. One round of
+            expectation maximisation.
+        """
+        groups = sorted({p.group for p in priors})
+        start = {p.group: p.start for p in priors}
+        squares, count = dict.fromkeys(groups, 0.0), dict.fromkeys(groups, 0)
+        for r in range(len(self.runs)):
+            D, e = directions[self.rows.of(r)], residual[self.rows.of(r)]
+            covariance = np.linalg.inv(D.T @ D + np.diag([start[p.group] ** -2 for p in priors]))
+            b = covariance @ (D.T @ e)
+            for p, value, variance in zip(priors, b, np.diag(covariance), strict=True):
+                squares[p.group] += float(value**2 + variance)
+                count[p.group] += 1
+        limits = {p.group: (p.least, p.most) for p in priors}
+        self.spread = {g: float(np.clip(np.sqrt(squares[g] / count[g]), *limits[g])) for g in groups}
+        scale = np.array([self.spread[p.group] for p in priors])
+        self._random = []
+        for r in range(len(self.runs)):
+            # (I + D S Dᵀ)^(-1/2) = I - U (1 - 1/sqrt(1 + σ²)) Uᵀ, with the singular vectors of D S^(1/2)
+            U, sigma, _ = np.linalg.svd(directions[self.rows.of(r)] * scale, full_matrices=False)
+            self._random.append(U * np.sqrt(1.0 - 1.0 / np.sqrt(1.0 + sigma**2)))
+
+    def forget_random_effects(self) -> None:
+        """Let all recordings be alike."""
+        self._random, self.spread = [], {}
+
+    def comparable(self, x: FloatArray) -> FloatArray:
+        """Weight, whiten and take out run-to-run friction: what a sum of squares may be taken of."""
+        y = self.whitened(x)
+        for r, R in enumerate(self._random):
+            rows = self.rows.of(r)
+            y[rows] = y[rows] - R @ (R.T @ y[rows])
+        return y
