@@ -96,6 +96,10 @@ def run_open_loop(
     # an array of no samples instead of None: one compiled kernel for all cases
     states, track = NOTHING if states is None else states, NOTHING if track is None else track
     pushes = NOTHING if pushes is None else pushes
+    for name, rows in (("track", track), ("pushes", pushes)):
+        # the kernel would read past the end
+        if rows.shape[1] not in (0, len(u)):
+            raise ValueError(f"{name}: must have one column per sample, {len(u)}; got {rows.shape[1]}.")
     _run_open_loop(u, sample_time, substeps, start, memory, z, p, readings, states, track, pushes)
 
 

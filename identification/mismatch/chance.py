@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
@@ -28,13 +29,15 @@ from flexdrive_gym.recording import FloatArray
 from identification.mismatch.screening import Screened
 from identification.mismatch.workbench import Workbench
 
-DRAWS = 199
+DRAWS = 119
 # spreads relative to the Coulomb level, correlation length of the track [mm], noise [V]: lowest and highest
 _BETWEEN, _WITHIN, _ROUGH = (0.02, 0.12), (0.01, 0.06), (0.005, 0.06)
 _LENGTH_MM, _NOISE_V = (3.0, 60.0), (0.005, 0.05)
 _SLOPE_MM, _SLOPE_V = (20.0, 200.0), (0.002, 0.02)
 _WANDER_S, _BAND_HZ, _START_MM = 2.0, 50.0, 150.0
 _RESTING = 5.0
+# slow friction is drawn once in so many samples
+_COARSE = 50
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +65,10 @@ def null_residuals(
     bench: Workbench, values: Mapping[str, float], rng: np.random.Generator, draws: int = DRAWS
 ) -> FloatArray:
     """Return comparable residuals of the present model under random nuisance, shape (N, draws)."""
-    forces = [_nuisance(bench, values, np.random.default_rng(seed)) for seed in rng.integers(0, 2**63, draws)]
+    speeds = [[gaussian_filter1d(v, 0.004 / run.sample_time) for v in run.measured] for run in bench.runs]
+    forces = [
+        partial(_nuisance, bench, values, speeds, seed) for seed in (int(s) for s in rng.integers(0, 2**63, draws))
+    ]
     return bench.comparable(bench.pushed(values, forces, 1.0))
 
 
@@ -85,25 +91,30 @@ def chance(
     return Chance(gains, usual)
 
 
-def _nuisance(bench: Workbench, values: Mapping[str, float], rng: np.random.Generator) -> list[FloatArray]:
+def _nuisance(
+    bench: Workbench, values: Mapping[str, float], speeds: Sequence[Sequence[FloatArray]], seed: int
+) -> list[FloatArray]:
+    rng = np.random.default_rng(seed)
     between, within, rough = (_log_uniform(rng, *limits) for limits in (_BETWEEN, _WITHIN, _ROUGH))
     length, noise = _log_uniform(rng, *_LENGTH_MM), _log_uniform(rng, *_NOISE_V)
     carts = len(bench.runs[0].keep)
     profiles = [_Profile(rng, length) for _ in range(carts)]
     slope, slopes = _log_uniform(rng, *_SLOPE_V), [_Profile(rng, _log_uniform(rng, *_SLOPE_MM)) for _ in range(carts)]
     pushes = []
-    for run in bench.runs:
+    for run, speed in zip(bench.runs, speeds, strict=True):
         n, h = len(run.u), run.sample_time
         force = np.zeros((2, n))
         start = rng.uniform(-_START_MM, _START_MM)
         for c in range(carts):
-            v = gaussian_filter1d(run.measured[c], 0.004 / h)
+            v = speed[c]
             level = max(values.get(f"d{c + 1}", 0.0) + _bristles(values, c), 0.05)
-            keep = np.exp(-h / _WANDER_S)
-            wander = lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], rng.standard_normal(n))
+            keep = np.exp(-_COARSE * h / _WANDER_S)
+            slow = lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], rng.standard_normal(n // _COARSE + 2))
+            wander = np.interp(np.arange(n) / _COARSE, np.arange(n // _COARSE + 2), slow)
             friction = between * rng.standard_normal() + within * wander + rough * profiles[c](run.track[c] + start)
-            shake = gaussian_filter1d(rng.standard_normal(n), 0.19 / _BAND_HZ / h)
-            force[c] = noise * shake / max(float(np.std(shake)), 1e-12)
+            coarse = max(1, round(0.5 / _BAND_HZ / h))
+            shake = np.interp(np.arange(n) / coarse, np.arange(n // coarse + 2), rng.standard_normal(n // coarse + 2))
+            force[c] = noise * shake
             force[c] += slope * slopes[c](run.track[c] + start)
             force[c] -= np.where(np.abs(v) > _RESTING, np.sign(v), 0.0) * level * friction
         pushes.append(force)

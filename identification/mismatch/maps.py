@@ -149,8 +149,8 @@ def harmonics(forces: Sequence[MissingForce], recordings: Sequence[Recording]) -
         f = recording.excitation.frequency
         if recording.excitation.kind != "sine" or not f > 0.0:
             continue
-        h = recording.sample_time
-        n = int(int(recording.n * h * f) / f / h)
+        h = float(force.t[1] - force.t[0])
+        n = int(int(len(force.t) * h * f) / f / h)
         phase = np.exp(-2j * np.pi * f * force.t[:n, None] * np.arange(1, 6)[None, :])
         for cart in range(len(force.g)):
             amplitude = 2.0 * np.abs(force.g[cart][:n] @ phase) / max(n, 1)

@@ -28,6 +28,7 @@ from identification.signals import velocities
 # the missing force wanders with this standard deviation [V] and forgets in this time [s]: reversals are followed, encoder
 # counts are not, and counts that an encoder lost are not taken for a constant force
 SIZE, MEMORY_S = 0.5, 0.1
+STEP_S = 0.004
 _SMOOTH_S = 0.004
 _RESTING = 6.0
 _SETTLE_S = 0.03
@@ -42,7 +43,7 @@ class MissingForce:
     recording
         Its name.
     t, u : ndarray, shape (n,)
-        Time [s] and command [V].
+        Time [s] and command [V], every few milliseconds.
     x, v : ndarray, shape (carts, n)
         Smoothed positions [mm] and velocities [mm/s].
     g, band : ndarray, shape (carts, n)
@@ -123,7 +124,9 @@ def missing_force(values: Mapping[str, float], recording: Recording) -> MissingF
     recording
         Any run of the drive, open or closed loop.
     """
-    h, Y = recording.sample_time, positions(recording)
+    # every few samples: a slowly varying force needs no more, and the smoother's cost is its number of steps
+    every = max(1, round(STEP_S / recording.sample_time))
+    h, Y = recording.sample_time * every, positions(recording)[:, ::every]
     carts = len(Y)
     two = carts == 2
     drive = LinearDrive(
@@ -134,14 +137,16 @@ def missing_force(values: Mapping[str, float], recording: Recording) -> MissingF
         values.get("k", 0.0),
         values.get("C", 0.0),
     )
-    speed = np.array([gaussian_filter1d(v, _SMOOTH_S / h) for v in velocities(recording)])
-    s = np.clip(speed / _RESTING, -1.0, 1.0)
+    fine = np.array([gaussian_filter1d(v, _SMOOTH_S / recording.sample_time) for v in velocities(recording)])
+    speed = np.ascontiguousarray(fine[:, ::every])
+    s = _means(np.clip(fine / _RESTING, -1.0, 1.0), every)
     level = np.array([values.get("d1", 0.0), values.get("d2", 0.0)])[:carts]
     force = -level[:, None] * s
-    force[0] += recording.u
+    u = recording.u[::every]
+    force[0] += _means(recording.u[None, :], every)[0]
     channels = [("v1", "x1"), ("v2", "x2")][:carts]
     seen = np.column_stack(
-        [recording.valid(v if getattr(recording, v) is not None else x) for v, x in channels]  # type: ignore[arg-type]
+        [recording.valid(v if getattr(recording, v) is not None else x)[::every] for v, x in channels]  # type: ignore[arg-type]
     )
     jump = np.zeros_like(seen)
     jump[1:] = seen[1:] & ~seen[:-1]
@@ -161,7 +166,7 @@ def missing_force(values: Mapping[str, float], recording: Recording) -> MissingF
     if two:
         # at rest the spring may be deflected within the friction of cart 2; encoders start at zero all the same
         P0[n - 1, n - 1] = 25.0
-    mean, var = np.zeros((recording.n, n)), np.zeros((recording.n, n))
+    mean, var = np.zeros((len(u), n)), np.zeros((len(u), n))
     _smooth(
         A,
         B,
@@ -180,20 +185,26 @@ def missing_force(values: Mapping[str, float], recording: Recording) -> MissingF
     settle = max(1, round(_SETTLE_S / h))
     near = binary_dilation(~seen, np.ones((2 * settle + 1, 1), dtype=bool))
     v = mean[:, carts : 2 * carts].T
-    rest = np.array([binary_dilation(np.abs(row) < _RESTING, np.ones(2 * round(_SMOOTH_S / h) + 1, dtype=bool)) for row in v])
+    rest = np.array([binary_dilation(np.abs(row) < _RESTING, np.ones(2 * max(1, round(_SMOOTH_S / h)) + 1, dtype=bool)) for row in v])
     usable = ~near.any(axis=1)[None, :] & ~rest
     usable[:, :settle] = False
     usable[:, -settle:] = False
     return MissingForce(
         recording.name,
-        recording.t,
-        recording.u,
+        recording.t[::every],
+        u,
         np.ascontiguousarray(mean[:, :carts].T),
         np.ascontiguousarray(v),
         np.ascontiguousarray(mean[:, 2 * carts : 3 * carts].T),
         np.sqrt(np.maximum(var[:, 2 * carts : 3 * carts].T, 0.0)),
         usable,
     )
+
+
+def _means(rows: FloatArray, every: int) -> FloatArray:
+    """Return means over the samples until the next step, shape (rows, steps)."""
+    edges = np.arange(0, rows.shape[1], every)
+    return np.asarray(np.add.reduceat(rows, edges, axis=1) / np.diff(np.append(edges, rows.shape[1])))
 
 
 def _discrete(drive: LinearDrive, carts: int, h: float) -> tuple[FloatArray, FloatArray]:

@@ -343,6 +343,10 @@ def baseline(bench: Workbench, values: Mapping[str, float], names: Sequence[str]
     return settle(bench, fit.values, names)
 
 
+def _ones(bench: Workbench) -> list[FloatArray]:
+    return [np.vstack([np.ones(len(run.u)), np.zeros(len(run.u))]) for run in bench.runs]
+
+
 def settle(bench: Workbench, values: Mapping[str, float], names: Sequence[str], *, spread: bool = True) -> Fit:
     """Weigh anew with the present model's residuals, then fit it.
 
@@ -360,7 +364,6 @@ def settle(bench: Workbench, values: Mapping[str, float], names: Sequence[str], 
         # against a relative change of friction
         c.scale = np.array([max(values.get(n, 0.0), 1e-3) for n in friction])
         D = sensitivities(bench, c, c.of(values), values, raw)
-        ones = [[np.vstack([np.ones(len(run.u)), np.zeros(len(run.u))]) for run in bench.runs]]
-        D = np.column_stack([D, bench.pushed(values, ones, 0.02)])
+        D = np.column_stack([D, bench.pushed(values, [lambda: _ones(bench)], 0.02)])
         bench.set_random_effects(bench.whitened(D), bench.whitened(raw), [FRICTION] * len(friction) + [OFFSET])
     return with_fresh_jacobian(bench, refit(bench, values, names, iterations=6))

@@ -96,13 +96,14 @@ class Unnamed:
 
 @dataclass(frozen=True)
 class RecordingFit:
-    """Rms of one recording before and after, all carts [mm/s]."""
+    """Rms of one recording before and after: velocities of an open loop [mm/s], positions of a closed one [mm]."""
 
     recording: str
     before_rms: float
     after_rms: float
     floor_rms: float
     held_out: bool
+    unit: str = "mm/s"
 
 
 @dataclass(frozen=True)

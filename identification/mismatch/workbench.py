@@ -15,7 +15,7 @@ linear operations make them comparable:
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
@@ -26,7 +26,9 @@ from scipy.signal import lfilter
 from flexdrive_gym.recording import BoolArray, FloatArray
 from identification.output_error import Run, simulate_run
 
-ORDER = 6
+# whitening is a choice of the caller: of the rigs seen, errors of physics are as coloured as the nuisance, and whitening
+# gives most weight to what matters least
+ORDER = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,13 +135,16 @@ class Workbench:
         jobs = list(self.pool.map(lambda values: self.residual(values, parallel=False), many))
         return np.column_stack(jobs) if jobs else np.zeros((len(self.weights), 0))
 
-    def pushed(self, values: Mapping[str, float], pushes: Sequence[Sequence[FloatArray]], size: float) -> FloatArray:
+    def pushed(
+        self, values: Mapping[str, float], pushes: Sequence[Callable[[], Sequence[FloatArray]]], size: float
+    ) -> FloatArray:
         """Return what additional forces change in the residual, per volt, shape (N, forces).
 
         Parameters
         ----------
         pushes
-            For every force, for every recording, ndarray, shape (2, n): the force on each cart, of order 1.
+            Functions that return, for every recording, the force on each cart of order 1, ndarray, shape (2, n); called
+            when needed, because all together they would not fit into memory.
         size
             Force [V] at which the change is taken.
         """
@@ -147,7 +152,8 @@ class Workbench:
             list(self.pool.map(lambda r: self.blocks(values, r, np.zeros((2, len(self.runs[r].u)))), range(len(self.runs))))
         )
 
-        def one(force: Sequence[FloatArray]) -> FloatArray:
+        def one(make: Callable[[], Sequence[FloatArray]]) -> FloatArray:
+            force = make()
             return np.concatenate([self.blocks(values, r, size * force[r]) for r in range(len(self.runs))])
 
         return np.column_stack([(moved - here) / size for moved in self.pool.map(one, pushes)])
@@ -197,7 +203,8 @@ class Workbench:
         for r, run in enumerate(self.runs):
             for c in range(len(run.keep)):
                 piece = self.piece(r, c)
-                y[piece] = lfilter(self.filters[c], [1.0], y[piece], axis=0) * self.rows.valid[piece][:, None]
+                if len(self.filters[c]) > 1:
+                    y[piece] = lfilter(self.filters[c], [1.0], y[piece], axis=0) * self.rows.valid[piece][:, None]
         return y[:, 0] if single else y
 
     def set_random_effects(self, directions: FloatArray, residual: FloatArray, priors: Sequence[Prior]) -> None:

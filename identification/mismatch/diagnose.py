@@ -1,0 +1,324 @@
+"""Locate, name, model, prove: from recordings to a diagnosis."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import t as student
+
+from flexdrive_gym import Covariance, Drive, Provenance, __version__
+from flexdrive_gym.drive.effects import LAYOUT
+from flexdrive_gym.recording import FloatArray, Recording
+from identification.likelihood import MaximumLikelihood, identify_by_likelihood
+from identification.methods import rig_parameters
+from identification.mismatch.chance import chance, null_residuals
+from identification.mismatch.maps import Map, draw_maps, harmonics
+from identification.mismatch.missing_force import MissingForce, missing_force
+from identification.mismatch.prove import loop_fits, place, polished, total, velocity_fits
+from identification.mismatch.refit import BASE_ONE, BASE_TWO, Coordinates, sensitivities
+from identification.mismatch.screening import orthonormal
+from identification.mismatch.search import LEVEL, Progress, Search, search
+from identification.mismatch.shapes import Shape, free_shapes, likeness
+from identification.mismatch.spatial import periods
+from identification.mismatch.split import Split, split_recordings
+from identification.mismatch.verdict import (
+    Diagnosis,
+    Estimate,
+    Finding,
+    Located,
+    Named,
+    Unnamed,
+    Verdict,
+    experiment_for,
+    short,
+    statement,
+    unit_of,
+)
+from identification.mismatch.workbench import Workbench
+from identification.output_error import prepare
+from identification.quantities import HANDOUT_RATIOS
+from identification.recordings import read_recordings
+
+# a free shape must explain this share of the remaining error, and this much more than any name, to be called unnamed
+_SHAPE_GAIN, _SHAPE_LEAD = 0.12, 1.6
+# a fit this near to the floor leaves nothing to explain
+_NEAR_FLOOR = 1.25
+
+
+def diagnose(
+    recordings: str | Path | Sequence[str | Path] | Sequence[Recording],
+    *,
+    seed: int = 0,
+    jobs: int | None = None,
+    say: Progress = lambda _: None,
+) -> Diagnosis:
+    """Locate the mismatch between drive and recordings, name the physics that was left out, model it and prove it.
+
+    Parameters
+    ----------
+    recordings
+        Folder, files, or recordings already read, of one drive.
+    seed
+        Of the null draws and resampling; the same seed gives the same diagnosis to the last bit.
+    jobs
+        Threads; default: the processors this process may use. The answer does not depend on it.
+    say
+        Called with a few words at every stage.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    ValueError
+        If the recordings cannot tell anything; the message says what to record.
+    """
+    begin = time.perf_counter()
+    say("reading recordings")
+    runs = _read(recordings)
+    split = split_recordings(runs)
+    with ThreadPoolExecutor(jobs or len(os.sched_getaffinity(0))) as pool:
+        return _Diagnosing(runs, split, np.random.default_rng(seed), pool, say, jobs).result(begin)
+
+
+def _read(recordings: Any) -> list[Recording]:
+    if isinstance(recordings, str | Path):
+        return list(read_recordings(recordings))
+    items = list(recordings)
+    if items and all(isinstance(r, Recording) for r in items):
+        return items
+    return list(read_recordings(items))
+
+
+class _Diagnosing:
+    """One diagnosis on its way."""
+
+    def __init__(
+        self,
+        runs: Sequence[Recording],
+        split: Split,
+        rng: np.random.Generator,
+        pool: Executor,
+        say: Progress,
+        jobs: int | None,
+    ) -> None:
+        self.runs, self.split, self.rng, self.pool, self.say = runs, split, rng, pool, say
+        say("fitting the free drive")
+        self.tied: MaximumLikelihood | None = None
+        self.free = identify_by_likelihood(split.learn, threads=jobs)
+        self.carts = self.free.drive.carts
+        if self.carts == 2:
+            say("fitting with the handout's ratios")
+            self.tied = identify_by_likelihood(split.learn, ties=HANDOUT_RATIOS, threads=jobs)
+        self.names = BASE_TWO if self.carts == 2 else BASE_ONE
+        self.bench = Workbench([prepare(r) for r in split.learn], pool)
+        self.level = float(np.median([np.max(np.abs(r.u)) for r in split.learn]))
+
+    def forces(self, values: Mapping[str, float], runs: Sequence[Recording]) -> list[MissingForce]:
+        return list(self.pool.map(lambda r: missing_force(values, r), runs))
+
+    def shapes(self, values: Mapping[str, float]) -> dict[str, tuple[float, ...]]:
+        most = max(float(np.max(np.abs(r.u))) for r in self.split.learn)
+        return {**periods(self.forces(values, self.split.learn)), "saturation.limit": (0.97 * most, 0.88 * most, 0.75 * most)}
+
+    def result(self, begin: float) -> Diagnosis:
+        split, say = self.split, self.say
+        free = dict(self.free.drive.values)
+        say("estimating the missing forces")
+        forces = self.forces(free, split.learn)
+        maps = draw_maps(forces)
+        found = search(
+            self.bench, free, self.carts, self.rng, drive_level=self.level, shapes=self.shapes, say=say
+        )
+        say("free shapes")
+        shape, alike = self.unnamed(found)
+        say("proving on recordings kept away")
+        ladder = self.ladder(found)
+        fits = velocity_fits(ladder[0], ladder[-1], split.learn, self.runs, self.pool, held_out=False)
+        fits += velocity_fits(ladder[0], ladder[-1], split.prove, self.runs, self.pool, held_out=True)
+        before, after = Drive(ladder[0], name="free fit"), Drive(ladder[-1], name="diagnosed drive")
+        fits += loop_fits(before, after, split.loops)
+        proof = total(fits, held_out=True) if split.prove else total(fits)
+        say("fitting all recordings")
+        drive = self.final(ladder[-1], found)
+        findings = self.findings(found, ladder, drive)
+        unnamed = None if shape is None else self.describe(shape, alike, found)
+        return Diagnosis(
+            verdict=_verdict(findings, unnamed, proof),
+            faults=tuple(f for r in self.runs for f in r.faults),
+            located=located(maps),
+            findings=findings,
+            unnamed=unnamed,
+            handout_tied_rms=self.tied.rms if self.tied else float("nan"),
+            free_rms=self.free.rms,
+            ratios=self.free.ratios,
+            before_rms=proof[0],
+            after_rms=proof[1],
+            floor_rms=proof[2],
+            per_recording=tuple(fits),
+            predictions=(),
+            drive=drive,
+            free=before,
+            seconds=time.perf_counter() - begin,
+            split=split,
+            notes=self.notes(found),
+            maps=tuple(maps),
+            harmonics=tuple(harmonics(forces, split.learn)),
+            forces=tuple(forces),
+            remaining=tuple(draw_maps(self.forces(ladder[-1], split.learn))),
+            friction_spread=self.bench.spread.get("friction", 0.0),
+        )
+
+    def unnamed(self, found: Search) -> tuple[Shape | None, list[tuple[str, float]]]:
+        """Return the free shape that no name fits, if there is one, and the names nearest to it."""
+        stages = [found.last] if not found.findings else [found.stages[0], found.last]
+        for stage in stages:
+            model = stage.before
+            shapes = free_shapes(self.bench, model, self.forces(model.values, self.split.learn))
+            present = orthonormal(model.jacobian)
+            luck = chance(
+                self.bench, [s.screened for s in shapes], null_residuals(self.bench, model.values, self.rng), present
+            )
+            named = stage.rivals[0].gain if stage is not found.last and stage.rivals else 0.0
+            for i, shape in enumerate(shapes):
+                if shape.gain < max(_SHAPE_GAIN, _SHAPE_LEAD * named) or luck.probability(i, shape.gain) > LEVEL:
+                    continue
+                return shape, likeness(shape, stage.screened)
+        return None, []
+
+    def describe(self, shape: Shape, alike: Sequence[tuple[str, float]], found: Search) -> Unnamed:
+        return Unnamed(shape.where, shape.gain, shape.sentence, tuple(alike[:3]))
+
+    def ladder(self, found: Search) -> list[Mapping[str, float]]:
+        """Return the models fitted to what was learnt from: the free fit, then with each finding added."""
+        bench = self.bench
+        kept = bench.offsets
+        bench.offsets = np.zeros(len(bench.runs))
+        rungs = [polished(bench, dict(self.free.drive.values), self.names)]
+        names = list(self.names)
+        values = dict(rungs[0])
+        for step in found.findings:
+            keys = [k for k in step.rival.candidate.keys if k in step.rival.fit.names]
+            names += keys
+            if step.rival.candidate.period is not None:
+                bench.offsets = kept
+            values = dict(polished(bench, {**values, **{k: found.model.values[k] for k in keys}}, names))
+            rungs.append(values)
+        bench.offsets = kept
+        return rungs
+
+    def final(self, values: Mapping[str, float], found: Search) -> Drive:
+        """Return the drive fitted to all open-loop recordings, with intervals from the spread between recordings."""
+        runs = (*self.split.learn, *self.split.prove)
+        bench = Workbench([prepare(r) for r in runs], self.pool)
+        bench.offsets = place(values, runs, self.pool)
+        names = [*self.names, *(k for s in found.findings for k in s.rival.candidate.keys if k in s.rival.fit.names)]
+        values = polished(bench, values, names)
+        c = Coordinates(names, values)
+        raw = bench.residual(values)
+        e = bench.comparable(raw)
+        J = bench.comparable(sensitivities(bench, c, c.of(values), values, raw))
+        covariance = _between_runs(bench, J, e)
+        gain = np.where(c.log, [values[n] for n in names], c.scale)
+        quantile = float(student.ppf(0.975, max(len(runs) - 1, 1)))
+        spread = quantile * np.sqrt(np.diag(covariance))
+        intervals = {n: _interval(n, values[n], s, g, log=bool(on)) for n, s, g, on in zip(names, spread, gain, c.log, strict=True)}
+        rig = {k: v for k, v in rig_parameters(self.runs).items() if k not in values}
+        return Drive(
+            {**rig, **values},
+            intervals,
+            Covariance(tuple(names), covariance * np.outer(gain, gain)),
+            Provenance("diagnosis", tuple(r.name for r in runs), __version__, "; ".join(s.rival.name[0] for s in found.findings)),
+            name="diagnosed drive",
+        )
+
+    def findings(self, found: Search, ladder: Sequence[Mapping[str, float]], drive: Drive) -> tuple[Finding, ...]:
+        result = []
+        kept = self.split.prove or self.split.learn
+        for i, step in enumerate(found.findings):
+            keys = [k for k in step.rival.candidate.keys if k in step.rival.fit.names]
+            parameters = {
+                short(k): Estimate(drive[k], drive.intervals.get(k, (float("nan"), float("nan"))), unit_of(k)) for k in keys
+            }
+            fits = velocity_fits(ladder[i], ladder[i + 1], kept, self.runs, self.pool, held_out=True)
+            before, after, _ = total(fits)
+            ties = tuple(Named(*t) for t in step.ties)
+            share = 1.0 - (step.rms_after / step.rms_before) ** 2
+            share = max(share, step.rival.gain)
+            id_, where = step.rival.name
+            result.append(
+                Finding(
+                    id_,
+                    where,
+                    parameters,
+                    ties,
+                    experiment_for(id_) or None if ties else None,
+                    share,
+                    step.probability,
+                    before,
+                    after,
+                    "mm/s",
+                    statement(id_, where, parameters, share, step.probability, ties),
+                )
+            )
+        return tuple(sorted(result, key=lambda f: -f.share_of_error_explained))
+
+    def notes(self, found: Search) -> tuple[str, ...]:
+        notes = list(self.free.notes)
+        rough = [s for s in found.steps if s.roughness]
+        if rough:
+            size = max(float(np.hypot(*(s.rival.fit.values.get(f"position_friction.{s.rival.name[1]}.{a}", 0.0) for a in ("a_sin", "a_cos")))) for s in rough)
+            notes.append(
+                f"friction varies along the track by about ±{size:.2g} V ({size / self.level:.1%} of the drive): the roughness "
+                "of every track, not counted as a finding"
+            )
+        if self.bench.spread:
+            notes.append(f"friction differs from run to run by about {self.bench.spread['friction']:.0%}")
+        return tuple(notes)
+
+
+def _between_runs(bench: Workbench, J: FloatArray, e: FloatArray) -> FloatArray:
+    """Sandwich covariance with the recordings as clusters: what differs from run to run counts once a run."""
+    scores = np.array([J[bench.rows.of(r)].T @ e[bench.rows.of(r)] for r in range(len(bench.runs))])
+    inverse = np.linalg.pinv(J.T @ J, rcond=1e-12, hermitian=True)
+    n = len(scores)
+    return np.asarray(inverse @ (scores.T @ scores) @ inverse * (n / max(n - 1, 1)))
+
+
+def _interval(name: str, value: float, spread: float, gain: float, *, log: bool) -> tuple[float, float]:
+    if log:
+        return float(value * np.exp(-spread)), float(value * np.exp(spread))
+    low, high = value - spread * gain, value + spread * gain
+    if name in LAYOUT:
+        low, high = max(low, LAYOUT[name].parameter.lower), min(high, LAYOUT[name].parameter.upper)
+    return float(low), float(high)
+
+
+def located(maps: Sequence[Map]) -> tuple[Located, ...]:
+    """Return each equation's share of the missing force and the variable it follows most."""
+    sizes = {m.where: m.size**2 for m in maps}
+    everything = sum(sizes.values())
+    found = []
+    for where, square in sorted(sizes.items(), key=lambda item: -item[1]):
+        best = max((m for m in maps if m.where == where), key=lambda m: m.explained)
+        i = int(np.argmax(np.abs(best.mean)))
+        acts = f"{best.variable} near {best.centre[i]:.3g}" if best.explained > 0.02 else "nothing that was looked at"
+        found.append(Located(where, float(square / everything), acts, best.sentence))
+    return tuple(found)
+
+
+def _verdict(findings: Sequence[Finding], unnamed: Unnamed | None, proof: tuple[float, float, float]) -> Verdict:
+    if not findings:
+        return "no_mismatch" if unnamed is None else "unexplained"
+    near = not np.isfinite(proof[2]) or proof[1] < _NEAR_FLOOR * proof[2]
+    return "explained" if unnamed is None and near else "partly_explained"
+
+
+

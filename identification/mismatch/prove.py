@@ -1,0 +1,125 @@
+r"""Proof: before and after on recordings that no fit has seen.
+
+Both models are fitted to the recordings learnt from, without any freedom from run to run. Where an effect repeats along the
+track, the place where a new run began is unknown and is found in that run: one number a run, for the position alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+
+import numpy as np
+
+from flexdrive_gym import Drive
+from flexdrive_gym.recording import FloatArray, Recording
+from identification.floor import measure_floor
+from identification.mismatch.refit import refit
+from identification.mismatch.verdict import RecordingFit
+from identification.mismatch.workbench import Workbench
+from identification.output_error import prepare, simulate_run
+from identification.validation import simulate_like
+
+_PLACES = 24
+
+
+def polished(bench: Workbench, values: Mapping[str, float], names: Sequence[str]) -> Mapping[str, float]:
+    """Return the model fitted with one friction for all runs, unwhitened: what a drive file can hold."""
+    order, bench.order = bench.order, 0
+    bench.forget_random_effects()
+    fit = None
+    for _ in range(2):
+        bench.weigh(bench.residual(values))
+        fit = refit(bench, values, names, iterations=5)
+        values = fit.values
+    bench.order = order
+    return values
+
+
+def period_of(values: Mapping[str, float]) -> float:
+    """Return the shortest spatial period among the effects that are present [mm]; 0 where nothing repeats."""
+    found = [
+        v for k, v in values.items() if k.endswith(".P") and any(values.get(k[:-1] + a, 0.0) for a in ("a_sin", "a_cos"))
+    ]
+    return min(found, default=0.0)
+
+
+def place(values: Mapping[str, float], recordings: Sequence[Recording], pool: Executor) -> FloatArray:
+    """Return where every run began along the track [mm], as far as a repeating effect tells."""
+    bench = Workbench([prepare(r) for r in recordings], pool)
+    period = period_of(values)
+    if not period or not recordings:
+        return np.zeros(len(recordings))
+    costs = []
+    tried = period * np.arange(_PLACES) / _PLACES
+    for offset in tried:
+        bench.offsets = np.full(len(recordings), offset)
+        e = bench.residual(values) * bench.rows.valid
+        costs.append([float(np.sum(e[bench.rows.of(r)] ** 2)) for r in range(len(recordings))])
+    return np.asarray(tried[np.argmin(np.array(costs), axis=0)])
+
+
+def velocity_fits(
+    before: Mapping[str, float],
+    after: Mapping[str, float],
+    recordings: Sequence[Recording],
+    everything: Sequence[Recording],
+    pool: Executor,
+    *,
+    held_out: bool,
+) -> list[RecordingFit]:
+    """Return rms residuals of open-loop recordings before and after, sample by sample [mm/s].
+
+    Parameters
+    ----------
+    everything
+        All recordings, whose replicates tell the floor.
+    """
+    floors: dict[str, list[float]] = {}
+    for f in measure_floor(everything):
+        floors.setdefault(f.recording, []).append(f.rms)
+    places = place(after, recordings, pool)
+
+    def one(item: tuple[Recording, float]) -> RecordingFit:
+        recording, offset = item
+        run = prepare(recording)
+        run.track[:] += offset
+        rms = [
+            float(np.sqrt(np.mean(np.concatenate([(m - s)[k] for m, s, k in zip(run.measured, sim, run.keep, strict=True)]) ** 2)))
+            for sim in (simulate_run(before, run), simulate_run(after, run))
+        ]
+        own = [f for f in floors.get(recording.name, []) if np.isfinite(f)]
+        floor = float(np.sqrt(np.mean(np.square(own)))) if own else float("nan")
+        return RecordingFit(recording.name, rms[0], rms[1], floor, held_out)
+
+    return list(pool.map(one, zip(recordings, places, strict=True)))
+
+
+def loop_fits(before: Drive, after: Drive, recordings: Sequence[Recording]) -> list[RecordingFit]:
+    """Return rms residuals of closed-loop recordings, simulated in the loop: positions [mm]."""
+    fits = []
+    for r in recordings:
+        if r.xr is None or r.excitation.gain is None:
+            continue
+        rms = [_position_rms(r, simulate_like(drive, r)) for drive in (before, after)]
+        fits.append(RecordingFit(r.name, rms[0], rms[1], float("nan"), held_out=True, unit="mm"))
+    return fits
+
+
+def _position_rms(measured: Recording, simulated: Recording) -> float:
+    squares = []
+    for name in ("x1", "x2"):
+        y, s = getattr(measured, name), getattr(simulated, name)
+        if y is not None and s is not None:
+            squares.append((y - s)[measured.valid(name)] ** 2)
+    return float(np.sqrt(np.mean(np.concatenate(squares)))) if squares else float("nan")
+
+
+def total(fits: Sequence[RecordingFit], *, held_out: bool | None = None) -> tuple[float, float, float]:
+    """Return rms before, after and floor over recordings of velocities; nan where there are none."""
+    chosen = [f for f in fits if f.unit == "mm/s" and (held_out is None or f.held_out == held_out)]
+    if not chosen:
+        return float("nan"), float("nan"), float("nan")
+    floors = [f.floor_rms for f in chosen if np.isfinite(f.floor_rms)]
+    rms = [float(np.sqrt(np.mean([getattr(f, n) ** 2 for f in chosen]))) for n in ("before_rms", "after_rms")]
+    return rms[0], rms[1], float(np.sqrt(np.mean(np.square(floors)))) if floors else float("nan")

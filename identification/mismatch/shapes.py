@@ -1,0 +1,176 @@
+"""Shapes without a name: a free function of one variable as the missing force, to be held against the catalogue.
+
+A force on one cart that is any function of one variable (hat functions between knots), or a friction whose level is any
+function of one, is put into the simulation like a catalogue entry. Where such a shape explains far more than anything that has
+a name, the catalogue does not hold what was left out; the shape is then what can be said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from flexdrive_gym.recording import FloatArray
+from identification.mismatch.candidates import Candidate
+from identification.mismatch.missing_force import MissingForce
+from identification.mismatch.refit import Fit
+from identification.mismatch.screening import Screened, orthonormal
+from identification.mismatch.workbench import Workbench
+
+KNOTS = 7
+_SIZE_V = 0.05
+_RESTING = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A missing force as a free function of one variable.
+
+    Attributes
+    ----------
+    where
+        ``cart_1`` or ``cart_2``.
+    variable
+        What it depends on, in words.
+    knots, force, band : ndarray, shape (KNOTS,)
+        Values of the variable, missing force [V] (friction: against the motion) and standard error over the recordings.
+    gain
+        Share of the remaining comparable squared error.
+    screened
+        The same as a candidate, for chance and likeness.
+    """
+
+    where: str
+    variable: str
+    knots: FloatArray
+    force: FloatArray
+    band: FloatArray
+    gain: float
+    screened: Screened
+
+    @property
+    def sentence(self) -> str:
+        """Where it acts."""
+        i = int(np.argmax(np.abs(self.force)))
+        return f"{self.variable}, largest ({self.force[i]:+.2g} V) at {self.knots[i]:.3g}"
+
+
+def free_shapes(bench: Workbench, model: Fit, forces: Sequence[MissingForce]) -> list[Shape]:
+    """Return every free shape's gain on the present model, best first.
+
+    Parameters
+    ----------
+    forces
+        Smoothed motion of the recordings on the bench, in their order.
+    """
+    present = orthonormal(model.jacobian)
+    e = model.residual - present @ (present.T @ model.residual)
+    families = [f for cart in range(len(forces[0].g)) for f in _families(forces, cart)]
+    pushes, sizes = [], []
+    for cart, _, values, sign in families:
+        knots = _knots(values)
+        sizes.append(knots)
+        for k in range(len(knots)):
+            pushes.append(partial(_forces, bench, cart, k, knots, values, sign))
+    columns = bench.comparable(bench.pushed(model.values, pushes, _SIZE_V))
+    shapes, begin = [], 0
+    for (cart, name, _, _), knots in zip(families, sizes, strict=True):
+        own = columns[:, begin : begin + len(knots)]
+        begin += len(knots)
+        shapes.append(_judge(bench, f"cart_{cart + 1}", name, knots, own, e, present))
+    return sorted(shapes, key=lambda s: -s.gain)
+
+
+def likeness(shape: Shape, screened: Sequence[Screened]) -> list[tuple[str, float]]:
+    """Return the names nearest to what a shape explains, with |cosine|, most alike first."""
+    f = shape.screened.basis @ shape.screened.sizes
+    norm = float(np.linalg.norm(f))
+    best: dict[str, float] = {}
+    for s in screened:
+        if s.basis.shape[1] and norm > 0.0:
+            best[s.candidate.id] = max(best.get(s.candidate.id, 0.0), float(np.linalg.norm(s.basis.T @ f)) / norm)
+    return sorted(best.items(), key=lambda item: -item[1])
+
+
+def _families(
+    forces: Sequence[MissingForce], cart: int
+) -> list[tuple[int, str, list[FloatArray], list[FloatArray]]]:
+    ones = [np.ones_like(f.t) for f in forces]
+    direction = [-np.where(np.abs(f.v[cart]) > _RESTING, np.sign(f.v[cart]), 0.0) for f in forces]
+    own = cart + 1
+    found = [
+        (cart, f"v{own}", [f.v[cart] for f in forces], ones),
+        (cart, "u", [f.u for f in forces], ones),
+        (cart, "friction against |u|", [np.abs(f.u) for f in forces], direction),
+        (cart, "friction against time", [f.t for f in forces], direction),
+        (cart, "friction against the time since a reversal", [_since_reversal(f.t, f.v[cart]) for f in forces], direction),
+    ]
+    if len(forces[0].v) == 2:
+        other = 1 - cart
+        found += [
+            (cart, "δ", [f.delta for f in forces], ones),
+            (cart, f"v{other + 1}", [f.v[other] for f in forces], ones),
+            (cart, f"acceleration of cart {other + 1}", [np.gradient(f.v[other], f.t) for f in forces], ones),
+            (cart, "friction against |δ|", [np.abs(f.delta) for f in forces], direction),
+        ]
+    return found
+
+
+def _since_reversal(t: FloatArray, v: FloatArray) -> FloatArray:
+    turned = np.concatenate(([True], np.sign(v[1:]) != np.sign(v[:-1])))
+    return np.asarray(t - np.maximum.accumulate(np.where(turned, t, t[0])))
+
+
+def _knots(values: Sequence[FloatArray]) -> FloatArray:
+    everything = np.concatenate([v[::7] for v in values])
+    return np.unique(np.quantile(everything, np.linspace(0.02, 0.98, KNOTS)))
+
+
+def _hat(x: FloatArray, knots: FloatArray, k: int) -> FloatArray:
+    unit = np.zeros(len(knots))
+    unit[k] = 1.0
+    return np.interp(x, knots, unit)
+
+
+def _forces(
+    bench: Workbench,
+    cart: int,
+    k: int,
+    knots: FloatArray,
+    values: Sequence[FloatArray],
+    sign: Sequence[FloatArray],
+) -> list[FloatArray]:
+    forces = []
+    for run, x, s in zip(bench.runs, values, sign, strict=True):
+        # the smoothed motion has fewer samples than the recording
+        n = len(run.u)
+        every = -(-n // len(x))
+        forces.append(_push(cart, np.repeat(_hat(x, knots, k) * s, every)[:n]))
+    return forces
+
+
+def _push(cart: int, force: FloatArray) -> FloatArray:
+    both = np.zeros((2, len(force)))
+    both[cart] = force
+    return both
+
+
+def _judge(
+    bench: Workbench, where: str, name: str, knots: FloatArray, columns: FloatArray, e: FloatArray, present: FloatArray
+) -> Shape:
+    beyond = columns - present @ (present.T @ columns)
+    basis = orthonormal(beyond)
+    amounts = basis.T @ e
+    force, *_ = np.linalg.lstsq(beyond, -e, rcond=1e-2)
+    left = e + beyond @ force
+    inverse = np.linalg.pinv(beyond.T @ beyond, rcond=1e-4, hermitian=True)
+    scores = np.array([beyond[bench.rows.of(r)].T @ left[bench.rows.of(r)] for r in range(len(bench.runs))])
+    band = np.sqrt(np.maximum(np.diag(inverse @ (scores.T @ scores) @ inverse), 0.0))
+    gain = float(amounts @ amounts / (e @ e))
+    candidate = Candidate(f"shape of {name}", where, (), ())
+    return Shape(where, name, knots, force, band, gain, Screened(candidate, gain, tuple(amounts), 0.0, basis))
+
+
