@@ -57,8 +57,8 @@ def checked(values: Mapping[str, float]) -> dict[str, float]:
                 f"{name}: must lie in [{spec.lower:g}, {spec.upper:g}] {spec.unit}; got {number:g}. "
                 f"It is the {spec.meaning}; its absence is {spec.null:g}."
             )
-        # a shape is kept though it be the usual one: a drive in a file shall say which
-        if number != spec.null or spec.role == "shape":
+        # an effect's shape is kept though it be the usual one: a drive in a file shall say which
+        if number != spec.null or (spec.role == "shape" and not LAYOUT[name].effect.base):
             result[name] = number
     order = {name: i for i, name in enumerate([*MASS_PARAMETERS, *LAYOUT])}
     return dict(sorted(result.items(), key=lambda item: order[item[0]]))

@@ -1,8 +1,8 @@
 """An encoder channel that arrives late: y(t - τ), on one channel only.
 
-The reading of a fraction of a sample ago lies on the straight line between two samples; on a cart that accelerates with a the line errs
-by less than a·h²/8 (0.4 µm at 3 m/s² and 1 ms). Before the start the cart is taken to have moved with its initial velocity. Up to 61
-samples are held. Worked check: 2 ms at 200 mm/s are 0.4 mm.
+The reading of a fraction of a sample ago lies on the straight line between two samples; on a cart that accelerates
+with a the line errs by less than a·h²/8 (0.4 µm at 3 m/s² and 1 ms). Before the start the cart is taken to have moved
+with its initial velocity. Up to 61 samples are held. Worked check: 2 ms at 200 mm/s are 0.4 mm.
 """
 
 from __future__ import annotations
@@ -40,6 +40,6 @@ EFFECT = Effect(
     tells_itself_by="phase of one channel only",
     looks_like=("amplifier_lag", "velocity_processing"),
     separating_experiment="a 20-40 Hz sine; x1 against x2 at slow constant acceleration",
-    reference="L. Ljung, System Identification, 2nd ed. 1999, 4.2 (delays)",
+    reference="L. Ljung, System Identification, 2nd ed. 1999 (delays)",
     order=4,
 )

@@ -1,17 +1,20 @@
 r"""Play between motor and rack: the motor's inertia moves freely within ±g before it meets cart 1.
 
-The command acts on the motor (mass :math:`m_m`, in addition to m1; position :math:`\rho` relative to cart 1, velocity :math:`v_m`),
+The command acts on the motor (mass :math:`m_m`, in addition to m1; position :math:`\rho` relative to cart 1, velocity
+:math:`v_m`),
 
 .. math:: m_m \dot v_m = u - F_c, \qquad \dot\rho = v_m - v_1,
 
-and cart 1 feels the contact :math:`F_c` instead of u. Outside the gap, with :math:`e = \rho - \operatorname{clip}(\rho, \pm g)`,
+and cart 1 feels the contact :math:`F_c` instead of u. Outside the gap, with :math:`e = \rho -
+\operatorname{clip}(\rho, \pm g)`,
 
 .. math:: F_c = k_c e\,(1 + \lambda\,\operatorname{sgn}(e)\,(v_m - v_1)), \quad \text{pushing only}, \qquad
    \lambda = 0.01\ \text{s/mm},
 
-Hunt and Crossley's contact: continuous when it closes, and an impact at 50 mm/s loses about a third of its speed. The motor starts in the middle of the gap. At :math:`m_m = 0` the motor follows at once: :math:`F_c = u`. Worked check: after a reversal of
-u while the carts stand still the motor crosses 2g in :math:`\sqrt{4 g m_m/u}`, 7.7 ms for :math:`m_m` = 1.5e-4 V s²/mm, g = 0.2 mm and
-u = 2 V.
+Hunt and Crossley's contact: continuous when it closes, and an impact at 50 mm/s loses about a third of its speed. The
+motor starts in the middle of the gap. At :math:`m_m = 0` the motor follows at once: :math:`F_c = u`. Worked check:
+after a reversal of u while the carts stand still the motor crosses 2g in :math:`\sqrt{4 g m_m/u}`, 7.7 ms for
+:math:`m_m` = 1.5e-4 V s²/mm, g = 0.2 mm and u = 2 V.
 """
 
 from __future__ import annotations

@@ -83,11 +83,7 @@ CASES = {
     ),
     "cogging": (
         {"cogging.a_sin": 0.08, "cogging.a_cos": -0.05, "cogging.P": 15.0},
-        {
-            "on_1": lambda _t, y, _s: (
-                0.08 * np.sin(2 * np.pi * y[0] / 15.0) - 0.05 * np.cos(2 * np.pi * y[0] / 15.0)
-            )
-        },
+        {"on_1": lambda _t, y, _s: 0.08 * np.sin(2 * np.pi * y[0] / 15.0) - 0.05 * np.cos(2 * np.pi * y[0] / 15.0)},
         1e-5,
     ),
     "play of the coupling": (
