@@ -7,6 +7,9 @@ import numpy as np
 
 from baselines.stability_limit import swings
 from flexdrive_gym import Drive
+from flexdrive_gym.drive import kernels, parameters
+from flexdrive_gym.drive.effects import EFFECTS, WORKSPACE
+from flexdrive_gym.drive.sample import WORK_SPACE
 from flexdrive_gym.references import square
 from tests.drive.drives import RIG
 from tests.drive.reference import TwoMasses
@@ -23,6 +26,42 @@ def interleaved(jobs: dict[str, object], rounds: int) -> dict[str, float]:
             job()  # type: ignore[operator]
             times[name].append(time.perf_counter() - begin)
     return {name: float(np.median(values)) for name, values in times.items()}
+
+
+def nanoseconds(values: dict[str, float], *, full: bool = False, rounds: int = 5) -> tuple[float, int]:
+    """Shortest time of a 1 ms sample in the open loop, and how many steps it takes."""
+    u = square(T, 1.5, 0.5)
+    z = np.zeros(WORKSPACE) if full else parameters.workspace(values)
+    steps = parameters.substeps(values, 1e-3, 1e-3)
+    readings, memory, p = np.empty((4, len(u))), np.zeros(WORK_SPACE), parameters.vector(values)
+    times = []
+    for _ in range(rounds):
+        begin = time.perf_counter()
+        kernels.run_open_loop(u, 1e-3, steps, np.zeros(4), memory, z, p, readings)
+        times.append(time.perf_counter() - begin)
+    return 1e9 * min(times) / len(u), steps
+
+
+def effects() -> None:
+    """Print what a 1 ms sample costs with one effect present, and with all."""
+    begin = time.perf_counter()
+    nanoseconds(RIG, rounds=1)
+    middle = time.perf_counter()
+    nanoseconds(RIG, full=True, rounds=1)
+    print(
+        f"open loop compiled or loaded in {middle - begin:.1f} s, with all effects in {time.perf_counter() - middle:.1f} s"
+    )
+    rows = {"base": nanoseconds(RIG), "all effects compiled in, none present": nanoseconds(RIG, full=True)}
+    everything = dict(RIG)
+    for effect in EFFECTS:
+        if effect.base:
+            continue
+        own = {effect.key(w, q.name): q.starts[0] for w in effect.where[:1] for q in effect.parameters}
+        rows[effect.id] = nanoseconds({**RIG, **own})
+        everything |= {effect.key(w, q.name): q.starts[0] for w in effect.where for q in effect.parameters}
+    rows["every effect at once"] = nanoseconds(everything)
+    for name, (cost, steps) in rows.items():
+        print(f"{name:40s} {cost:8.0f} ns a sample of 1 ms, {steps} steps")
 
 
 def main() -> None:
@@ -47,3 +86,4 @@ def main() -> None:
         print(f"{name:45s} {1e3 * seconds:10.3f} ms   {seconds / own:8.1f} ×")
     steps = len(gains) * 12000 / median["flexdrive, sweep of 100 gains × 12 s"]
     print(f"closed-loop sweep: {steps / 1e6:.1f} million steps/s on one thread")
+    effects()

@@ -138,6 +138,7 @@ class Task:
             raise ValueError(f"preview: must be times ahead between 0 and 10 s; got {self.preview!r}.")
         object.__setattr__(self, "rig", self._rig())
         object.__setattr__(self, "weights", self._weights())
+        parameters.check_delays(self.rig.values, self.control_period)
         object.__setattr__(self, "randomisation", self._randomisation())
         object.__setattr__(self, "references", self._references())
 
@@ -172,7 +173,12 @@ class Task:
     @property
     def substeps(self) -> int:
         """Physics steps per control period, refined where an effect is fast."""
-        return parameters.substeps(self.rig.values, self.control_period, self.physics_step)
+        drawn = self.randomisation
+        corners = [dict(zip(drawn.names, bounds, strict=True)) for bounds in (drawn.low, drawn.high) if drawn.names]
+        return max(
+            parameters.substeps({**self.rig.values, **corner}, self.control_period, self.physics_step)
+            for corner in [{}, *corners]
+        )
 
     def names(self) -> list[tuple[str, str, float]]:
         """Return name, unit and bound of every entry of the observation."""
@@ -255,8 +261,9 @@ class Task:
         factor = np.transpose(np.asarray(np.linalg.qr(root, mode="r")))
         specs = [parameters.parameter(n) for n in covariance.names]
         # far tails of a wide normal distribution are no drives: stay within a third to three times the value
-        low = np.maximum([s.lower for s in specs], values / 3.0)
-        high = np.minimum([s.upper for s in specs], np.maximum(values * 3.0, 1e-9))
+        low = np.maximum([s.lower for s in specs], np.minimum(values / 3.0, values * 3.0))
+        high = np.minimum([s.upper for s in specs], np.maximum(values / 3.0, values * 3.0))
+        high = np.where(values == 0.0, 1e-9, high)
         return Randomisation(covariance.names, low, high, np.ascontiguousarray(factor))
 
     def _references(self) -> FloatArray:

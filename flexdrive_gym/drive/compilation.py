@@ -78,7 +78,9 @@ def _pointer(typing_context: Any, array: Any) -> Any:  # noqa: ARG001
 
 
 def _shifted(typing_context: Any, base: Any, offset: Any) -> Any:  # noqa: ARG001
-    """Return a pointer ``offset`` entries further on."""
+    """Return a pointer ``offset`` entries further on; nothing stays nothing."""
+    if isinstance(base, types.NoneType):
+        return types.none(base, types.intp), lambda context, builder, signature, arguments: context.get_dummy_value()  # noqa: ARG005
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001
         return builder.gep(arguments[0], [arguments[1]])

@@ -161,13 +161,6 @@ def _stride(z: Any) -> int:
 
 
 @inlined
-def _workspace(z: Any, j: int) -> Any:
-    if z is None:
-        return None
-    return shifted(z, j * WORKSPACE)
-
-
-@inlined
 def _load_drives(low: int, n: int, shared: bool, p: Any, tables: Any, z: Any, work: Any) -> None:
     """Spread parameters and tables over the lanes."""
     for i in range(n):
@@ -277,7 +270,7 @@ def _integrate_each(
             substeps,
             shifted(tables, row * TABLE_COLUMNS),
             shifted(memory, j * MEMORY),
-            _workspace(z, j),
+            shifted(z, j * WORKSPACE),
             shifted(p, row * _stride(z)),
         )
         work[X1 * LANES + i] = x1
@@ -317,7 +310,7 @@ def _sense(low: int, n: int, shared: bool, period: float, clock: Any, p: Any, z:
             _differentiate(i, r1 + n1, r2 + n2, period, None, q, work)
         else:
             j = low + i
-            parameters, space = shifted(p, (0 if shared else j) * _stride(z)), _workspace(z, j)
+            parameters, space = shifted(p, (0 if shared else j) * _stride(z)), shifted(z, j * WORKSPACE)
             r1, r2 = readings(x1, v1, x2, v2, (clock[j] + 1) * period, period, space, parameters)
             _differentiate(i, r1 + n1, r2 + n2, period, space, parameters, work)
 
@@ -442,7 +435,10 @@ def step_fleet(low: int, high: int, sizes: Any, addresses: Any, z: Any) -> None:
             for i in range(n):
                 work[k * LANES + i] = column[i]
         _act(n, shifted(actions, begin), task, work)
-        if sizes[ONE_BY_ONE] == 0 and z is None:
+        # told apart by z first: the compiler then leaves the side-by-side code out where it cannot be needed
+        if z is not None:
+            _integrate_each(begin, n, period, substeps, shared, clock, p, tables, memory, extra, work)
+        elif sizes[ONE_BY_ONE] == 0:
             _integrate_lanes(begin, n, substeps, period / substeps, shared, p, tables, work)
         else:
             _integrate_each(begin, n, period, substeps, shared, clock, p, tables, memory, extra, work)
@@ -539,7 +535,11 @@ def reset_fleet(low: int, high: int, mask: Any, start: Any, sizes: Any, addresse
         if not mask[j]:
             continue
         model = 0 if shared else j
-        q, table, space = shifted(p, model * _stride(extra)), shifted(tables, model * TABLE_COLUMNS), _workspace(extra, j)
+        q, table, space = (
+            shifted(p, model * _stride(extra)),
+            shifted(tables, model * TABLE_COLUMNS),
+            shifted(extra, j * WORKSPACE),
+        )
         if sizes[DRAWN] > 0:
             _draw_parameters(
                 j,

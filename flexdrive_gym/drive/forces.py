@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from flexdrive_gym.drive.compilation import called, inlined
 from flexdrive_gym.drive.effects import ANCHOR_1, ANCHOR_2, BEGIN_1, BEGIN_2, BEGIN_T, LAYOUT, PUSH_1, PUSH_2, chain
 
@@ -145,12 +147,12 @@ def _margin_2(x1: float, x2: float, v1: float, t: float, z: Any, r: int, p: Any)
 
 
 @called
-def _margin_1_full(x1: float, x2: float, v2: float, u: float, t: float, z: Any, r: int, p: Any) -> tuple[float, float]:
+def _margin_1_full(x1: float, x2: float, v2: float, u: float, t: float, z: Any, r: Any, p: Any) -> tuple[float, float]:
     return _margin_1(x1, x2, v2, u, t, z, r, p)
 
 
 @called
-def _margin_2_full(x1: float, x2: float, v1: float, t: float, z: Any, r: int, p: Any) -> tuple[float, float]:
+def _margin_2_full(x1: float, x2: float, v1: float, t: float, z: Any, r: Any, p: Any) -> tuple[float, float]:
     return _margin_2(x1, x2, v1, t, z, r, p)
 
 
@@ -159,7 +161,8 @@ def margin_1(x1: float, x2: float, v2: float, u: float, t: float, z: Any, r: int
     """Return by how much the force on cart 1 at rest leaves the friction set [V], negative while held, and its sign."""
     if z is None:
         return _margin_1(x1, x2, v2, u, t, z, r, p)
-    return _margin_1_full(x1, x2, v2, u, t, z, r, p)
+    # a plain integer, or the compiler makes a function more for the row that is written as 0
+    return _margin_1_full(x1, x2, v2, u, t, z, np.int64(r), p)
 
 
 @inlined
@@ -167,7 +170,7 @@ def margin_2(x1: float, x2: float, v1: float, t: float, z: Any, r: int, p: Any) 
     """Return by how much the force on cart 2 at rest leaves the friction set [V], negative while held, and its sign."""
     if z is None:
         return _margin_2(x1, x2, v1, t, z, r, p)
-    return _margin_2_full(x1, x2, v1, t, z, r, p)
+    return _margin_2_full(x1, x2, v1, t, z, np.int64(r), p)
 
 
 @inlined
@@ -201,7 +204,7 @@ def _accelerations_full(
     u: float,
     t: float,
     z: Any,
-    r: int,
+    r: Any,
     p: Any,
 ) -> tuple[float, float]:
     return _accelerations(x1, v1, x2, v2, s1, s2, u, t, z, r, p)
@@ -224,7 +227,7 @@ def accelerations(
     """Return the accelerations [mm/s²] of both carts for fixed directions of sliding."""
     if z is None:
         return _accelerations(x1, v1, x2, v2, s1, s2, u, t, z, r, p)
-    return _accelerations_full(x1, v1, x2, v2, s1, s2, u, t, z, r, p)
+    return _accelerations_full(x1, v1, x2, v2, s1, s2, u, t, z, np.int64(r), p)
 
 
 @called

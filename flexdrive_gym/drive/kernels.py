@@ -16,7 +16,6 @@ from flexdrive_gym.drive.forces import W2, limited
 from flexdrive_gym.drive.sample import MEMORY, advance, anchor, clear, measure, power_up, push
 from flexdrive_gym.drive.step import tabulate
 
-
 NOTHING = np.empty((4, 0))
 
 

@@ -8,7 +8,7 @@ from math import ceil, inf, isnan
 
 import numpy as np
 
-from flexdrive_gym.drive.effects import EFFECTS, LAYOUT, N_PARAMETERS, WORKSPACE, Parameter
+from flexdrive_gym.drive.effects import EFFECTS, LAYOUT, N_PARAMETERS, RING, WORKSPACE, Parameter
 from flexdrive_gym.recording import FloatArray
 
 MASS_PARAMETERS: dict[str, Parameter] = {
@@ -57,8 +57,8 @@ def checked(values: Mapping[str, float]) -> dict[str, float]:
                 f"{name}: must lie in [{spec.lower:g}, {spec.upper:g}] {spec.unit}; got {number:g}. "
                 f"It is the {spec.meaning}; its absence is {spec.null:g}."
             )
-        # a shape is kept though it be the usual one: a drive in a file shall say which
-        if number != spec.null or spec.role == "shape":
+        # an effect's shape is kept though it be the usual one: a drive in a file shall say which
+        if number != spec.null or (spec.role == "shape" and not LAYOUT[name].effect.base):
             result[name] = number
     order = {name: i for i, name in enumerate([*MASS_PARAMETERS, *LAYOUT])}
     return dict(sorted(result.items(), key=lambda item: order[item[0]]))
@@ -103,8 +103,25 @@ def substeps(values: Mapping[str, float], sample_time: float, physics_step: floa
             continue
         for where in item.where:
             keys = [item.key(where, q.name) for q in item.parameters]
-            if any(key in values for key in keys):
+            if any(key in values and LAYOUT[key].switches for key in keys):
                 numbers = tuple(values.get(k, q.null) for k, q in zip(keys, item.parameters, strict=True))
                 rate = max(rate, item.fastest_rate(numbers))
     h = min(physics_step, _STABLE / rate) if rate > 0.0 else physics_step
     return max(1, ceil(sample_time / h - 1e-9))
+
+
+def check_delays(values: Mapping[str, float], sample_time: float) -> None:
+    """Check that the delays of a drive are short enough to be held.
+
+    Raises
+    ------
+    ValueError
+        Naming the delay and how many samples are held.
+    """
+    for name in ("input_delay.tau", "encoder_delay.encoder_1.tau", "encoder_delay.encoder_2.tau"):
+        delay = values.get(name, 0.0)
+        if delay > (RING - 3) * sample_time:
+            raise ValueError(
+                f"{name}: at most {RING - 3} samples of {sample_time:g} s are held; got {delay:g} s. "
+                "Use a longer sample time."
+            )

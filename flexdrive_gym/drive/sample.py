@@ -6,11 +6,19 @@ from math import exp, pi
 from typing import Any
 
 from flexdrive_gym.drive.compilation import inlined
-from flexdrive_gym.drive.effects import ANCHOR_1, ANCHOR_2, LAYOUT, N_BASE_PARAMETERS, PUSH_1, PUSH_2, prepare
+from flexdrive_gym.drive.effects import (
+    ANCHOR_1,
+    ANCHOR_2,
+    LAYOUT,
+    N_BASE_PARAMETERS,
+    PUSH_1,
+    PUSH_2,
+    RING,
+    prepare,
+)
 from flexdrive_gym.drive.forces import begin_effects, commanded, rate_1, rate_2, readings
 from flexdrive_gym.drive.step import TABLE, step
 
-RING = 64
 # memory of one drive between samples: previous readings, filtered velocities, position in and ring of past commands
 MEMORY = 5 + RING
 _PREVIOUS_1, _PREVIOUS_2, _FILTERED_1, _FILTERED_2, _HEAD, _COMMANDS = 0, 1, 2, 3, 4, 5

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flexdrive_gym.drive import kernels, parameters
-from flexdrive_gym.drive.sample import RING, WORK_SPACE
+from flexdrive_gym.drive.sample import WORK_SPACE
 from flexdrive_gym.recording import Excitation, FloatArray, Recording
 
 Values = Mapping[str, float]
@@ -90,12 +90,7 @@ def _start(start: npt.ArrayLike) -> FloatArray:
 def _steps(values: Values, sample_time: float, physics_step: float) -> int:
     if not physics_step > 0.0:
         raise ValueError(f"physics_step: must be positive [s]; got {physics_step:g}.")
-    delay = values.get("input_delay.tau", 0.0)
-    if delay > (RING - 3) * sample_time:
-        raise ValueError(
-            f"input_delay.tau: at most {RING - 3} samples of {sample_time:g} s are held; got {delay:g} s. "
-            "Use a longer sample time."
-        )
+    parameters.check_delays(values, sample_time)
     return parameters.substeps(values, sample_time, physics_step)
 
 

@@ -264,6 +264,7 @@ def _commit(x1: float, x2: float, s1: float, s2: float, u: float, t: float, z: A
                 z[i] = z[6 * n + i]
         if z[_FINISHES_1] + z[_FINISHES_2] + z[_FINISHES_ACTUATOR] != 0.0:
             finish_piece(x1, x2, s1, s2, u, t, z, p)
+            begin_piece(x1, x2, t, z)
 
 
 @inlined

@@ -1,5 +1,7 @@
 """Every effect of the catalogue, present and future, keeps these promises."""
 
+from importlib import import_module
+
 import numpy as np
 import pytest
 
@@ -13,8 +15,32 @@ T = np.arange(1501) * 1e-3
 U = square(T, 2.0, 1.0)
 
 
+CATALOGUE = {
+    "stribeck", "breakaway", "presliding", "coulomb_asymmetry", "viscous_asymmetry", "quadratic_drag",
+    "position_friction", "load_friction", "friction_drift", "hardening_spring", "asymmetric_spring",
+    "coupling_backlash", "coil_bind", "spring_damping", "spring_hysteresis", "dead_zone", "saturation", "input_delay",
+    "amplifier_lag", "gain_asymmetry", "input_offset", "cogging", "motor_gear_backlash", "gain_drift", "tilt",
+    "ground_spring", "encoder_scale", "encoder_delay", "encoder_eccentricity", "encoder_play", "extra_mode",
+    "rectified_sensor",
+}  # fmt: skip
+
+
+def test_the_catalogue_is_complete():
+    # handout_ratios is a property of the parameters, encoder_dropout a fault of the data
+    ids = {effect.id for effect in EFFECTS}
+    assert ids >= CATALOGUE
+    assert ids - CATALOGUE == {
+        "coulomb_friction", "viscous_friction", "spring", "encoder_quantisation", "velocity_processing",
+    }  # fmt: skip
+
+
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.id)
 def test_documents_itself(effect):
+    module = import_module(f"flexdrive_gym.drive.effects.{effect.id}")
+    assert module.EFFECT is effect
+    assert set(effect.looks_like) <= {e.id for e in EFFECTS}
+    assert effect.base or (effect.separating_experiment and "Worked check:" in " ".join(module.__doc__.split()))
+    assert not (effect.states and effect.memory)
     assert effect.equation
     assert effect.tells_itself_by
     assert effect.reference

@@ -70,6 +70,15 @@ def test_missing_file_names_the_remedy(tmp_path):
         load_drive(tmp_path / "no.toml")
 
 
+def test_toml_keeps_effects_and_their_shapes(tmp_path):
+    values = {
+        **RIG, "stribeck.cart_1.extra": 0.1, "stribeck.cart_1.vs": 40.0, "cogging.a_cos": -0.02, "encoder_play.encoder_2.g": 0.1,
+    }  # fmt: skip
+    back = load_drive(save_drive(Drive(values), tmp_path / "drive.toml"))
+    assert dict(back.values) == values
+    assert "[effects.stribeck.cart_1]" in (tmp_path / "drive.toml").read_text()
+
+
 def test_drive_is_frozen_and_pickles():
     drive = Drive(RIG)
     with pytest.raises(TypeError):

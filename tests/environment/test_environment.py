@@ -178,6 +178,31 @@ def test_late_sensors_show_the_past():
     assert np.array_equal(np.array(a)[:, 5], np.array(b)[:, 5])  # the reference is no sensor
 
 
+def test_an_environment_is_the_drive_it_was_given_with_all_its_effects():
+    effects = {
+        "stribeck.cart_1.extra": 0.1, "presliding.cart_2.fd": 0.1, "hardening_spring.k3": 4e-5, "amplifier_lag.tau": 3e-3,
+        "encoder_play.encoder_2.g": 0.2, "encoder_delay.encoder_1.tau": 2.5e-3, "friction_drift.cart_2.rate": 0.05,
+        "input_offset.u0": 0.05, "extra_mode.mass_2": 4e-5, "spring_hysteresis.level": 0.05, "dead_zone.uz": 0.05,
+    }  # fmt: skip
+    env = gymnasium.make(
+        NON_COLLOCATED, effects=effects, control_period=1e-3, physics_step=1e-3, duration=1.0
+    ).unwrapped
+    u = 2.0 * np.sin(2 * np.pi * 3 * np.arange(900) * 1e-3)
+    run = env.drive.simulate(np.arange(901) * 1e-3, np.append(u, 0.0))
+    env.reset(seed=0)
+    for i, command in enumerate(u):
+        info = env.step([command / env.task.voltage])[4]
+        found = [info[f"read_{name}"] for name in ("x1", "x2", "v1", "v2")]
+        assert np.allclose(found, [getattr(run, name)[i + 1] for name in ("x1", "x2", "v1", "v2")], atol=1e-5)
+
+
+def test_a_delay_that_no_encoder_holds_is_refused():
+    with pytest.raises(ValueError, match="encoder_delay.encoder_2.tau: at most"):
+        gymnasium.make(
+            NON_COLLOCATED, effects={"encoder_delay.encoder_2.tau": 0.03}, control_period=1e-4, physics_step=1e-4
+        )
+
+
 def test_effects_change_the_drive():
     slow = gymnasium.make(NON_COLLOCATED, effects={"input_delay.tau": 0.01})
     plain = gymnasium.make(NON_COLLOCATED)

@@ -21,6 +21,37 @@ VARIANTS = {
     "delayed": {"effects": {"input_delay.tau": 0.0033}, "noise": 0.02},
     "1 ms": {"control_period": 1e-3},
     "late sensors": {"sensor_delay": 0.015, "noise": 0.02},
+    "late and loose encoders": {
+        "effects": {
+            "encoder_play.encoder_1.g": 0.2,
+            "encoder_play.encoder_2.g": 0.1,
+            "encoder_delay.encoder_2.tau": 0.0071,
+            "rectified_sensor.encoder_1.share": 1.0,
+        },
+        "noise": 0.02,
+    },
+    "bristles, a lag, a loose motor and an appendage": {
+        "effects": {
+            "presliding.cart_2.fd": 0.1,
+            "presliding.cart_2.xs": 0.1,
+            "spring_hysteresis.level": 0.05,
+            "amplifier_lag.tau": 0.003,
+            "motor_gear_backlash.mass": 1e-4,
+            "extra_mode.mass_2": 5e-5,
+            "stribeck.cart_1.extra": 0.1,
+            "input_delay.tau": 0.0012,
+        },
+    },
+    "randomised effects": {
+        "randomise": {
+            "stribeck.cart_1.extra": (0.0, 0.2),
+            "presliding.cart_1.fd": (0.0, 0.2),
+            "encoder_play.encoder_2.g": (0.0, 0.3),
+            "amplifier_lag.tau": (0.001, 0.005),
+            "m1": (6e-4, 9e-4),
+        },
+        "noise": 0.02,
+    },
     "frictionless": {"drive": Drive({**RIG, "d1": 0.0, "d2": 0.0})},
 }
 

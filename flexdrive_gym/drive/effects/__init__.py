@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from flexdrive_gym.drive.compilation import called, inlined
-from flexdrive_gym.drive.effects._effect import SITES, Effect, Parameter, Site, Where
+from flexdrive_gym.drive.effects._effect import RING, SITES, Effect, Parameter, Site, Where
 
-__all__ = ["EFFECTS", "LAYOUT", "SITES", "Effect", "Parameter", "Slot", "Where", "chain"]
+__all__ = ["EFFECTS", "LAYOUT", "RING", "SITES", "Effect", "Parameter", "Slot", "Where", "chain"]
 
 # the parameter vector starts with the inverse masses 1/m1 and 1/m2; 1/m2 = 0 makes a rigid, one-cart drive
 MASSES = 2

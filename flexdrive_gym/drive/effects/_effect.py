@@ -59,6 +59,9 @@ Where = Literal[
     "structure",
     "parameters",
 ]
+# samples that are remembered for delays; three of them are needed to interpolate and to hold
+RING = 64
+
 Site = Literal[
     "command",
     "actuator",

@@ -1,8 +1,8 @@
 r"""A current loop that follows its command with a time constant: :math:`\tau\,\dot u_a = u - u_a`.
 
-Under a command that is held over the piece the lag is known in closed form,
-:math:`u_a(\Delta t) = u + (u_{a0} - u)\,e^{-\Delta t/\tau}`, so it is evaluated exactly however short it is. Last in the actuator's
-order. Worked check: 2 ms after a step of 1 V a lag of 2 ms has passed 0.632 V; far below 1/τ it is a delay of 2 ms.
+Under a command that is held over the piece the lag is known in closed form, :math:`u_a(\Delta t) = u + (u_{a0} -
+u)\,e^{-\Delta t/\tau}`, so it is evaluated exactly however short it is. Last in the actuator's order. Worked check: 2
+ms after a step of 1 V a lag of 2 ms has passed 0.632 V; far below 1/τ it is a delay of 2 ms.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def _begin(w: int, v: float, v1: float, v2: float, u: float, z: Any, oz: int, p:
 
 
 def _fastest_rate(values: tuple[float, ...]) -> float:
-    # the force is exact, its effect on the carts is integrated: shorter lags than 0.2 ms need no finer steps, their impulse is tiny
+    # the force is exact, its effect on the carts is integrated; lags below 0.2 ms need no finer steps, their impulse is tiny
     return min(1.0 / values[0], 5e3) if values[0] > 0.0 else 0.0
 
 
@@ -47,5 +47,5 @@ EFFECT = Effect(
     tells_itself_by="phase and roll-off",
     looks_like=("input_delay", "encoder_delay"),
     separating_experiment="a 20-40 Hz sine or a fast step",
-    reference="R. Krishnan, Electric Motor Drives, 2001, ch. 3 (current loop)",
+    reference="R. Krishnan, Electric Motor Drives, 2001 (current loop)",
 )

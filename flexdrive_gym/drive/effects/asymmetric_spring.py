@@ -1,7 +1,7 @@
 """A spring that pulls otherwise than it pushes: k2·δ².
 
-The stiffness is k + 2·k2·δ: larger when compressed, smaller when stretched (or the reverse). Worked check: with k = 0.095 V/mm and
-k2 = 5e-4 V/mm² the forces at ±10 mm are 1.00 V and -0.90 V.
+The stiffness is k + 2·k2·δ: larger when compressed, smaller when stretched (or the reverse). Worked check: with k =
+0.095 V/mm and k2 = 5e-4 V/mm² the forces at ±10 mm are 1.00 V and -0.90 V.
 """
 
 from __future__ import annotations

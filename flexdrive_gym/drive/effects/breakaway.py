@@ -1,7 +1,8 @@
 """Static friction above kinetic: a cart at rest holds more than it feels while it slides.
 
-``|F| ≤ d + extra`` at v = 0, and d as soon as it slides; in contrast to the Stribeck effect the surplus is gone at once. Worked
-check: with d = 0.357 V and extra = 0.1 V a slowly rising command moves cart 1 at 0.457 V, and then accelerates it with 0.1 V.
+``|F| ≤ d + extra`` at v = 0, and d as soon as it slides; in contrast to the Stribeck effect the surplus is gone at
+once. Worked check: with d = 0.357 V and extra = 0.1 V a slowly rising command moves cart 1 at 0.457 V, and then
+accelerates it with 0.1 V.
 """
 
 from __future__ import annotations
@@ -24,5 +25,5 @@ EFFECT = Effect(
     tells_itself_by="holds, then jumps",
     looks_like=("stribeck", "dead_zone"),
     separating_experiment="small sine riding on motion: a dead zone stays, a breakaway vanishes",
-    reference="C. A. Coulomb, Théorie des machines simples, 1785; B. Armstrong-Hélouvry et al., Automatica 30(7), 1994, 2.1",
+    reference="C. A. Coulomb, Théorie des machines simples, 1785; B. Armstrong-Hélouvry et al., Automatica 30(7), 1994",
 )

@@ -2,8 +2,8 @@ r"""Torque ripple of the motor, or the mesh of pinion and rack: a force that rep
 
 .. math:: F = a_s \sin(2\pi x_1/P) + a_c \cos(2\pi x_1/P) ,
 
-two amplitudes instead of one and a phase, so that a fit is linear in them. Worked check: it is conservative; over a period P it takes
-and gives :math:`|a|\,P/\pi`.
+two amplitudes instead of one and a phase, so that a fit is linear in them. Worked check: it is conservative; over a
+period P it takes and gives :math:`|a|\,P/\pi`.
 """
 
 from __future__ import annotations
@@ -35,5 +35,5 @@ EFFECT = Effect(
     tells_itself_by="a line in the spatial spectrum of the missing force",
     looks_like=("position_friction", "encoder_eccentricity"),
     separating_experiment="slow constant speed both ways: cogging keeps its sign, friction changes it",
-    reference="D. C. Hanselman, Brushless Permanent-Magnet Motor Design, 1994, ch. 5",
+    reference="D. C. Hanselman, Brushless Permanent-Magnet Motor Design, 1994",
 )

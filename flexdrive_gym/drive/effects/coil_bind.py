@@ -1,6 +1,7 @@
 """Coils that touch, or an end stop: beyond ±δ0 the spring is stiffer by kb.
 
-Worked check: with k = 0.095 V/mm, kb = 0.1 V/mm and δ0 = 10 mm a deflection of 12 mm carries 1.34 V instead of 1.14 V.
+Worked check: with k = 0.095 V/mm, kb = 0.1 V/mm and δ0 = 10 mm a deflection of 12 mm carries 1.34 V instead of 1.14
+V.
 """
 
 from __future__ import annotations

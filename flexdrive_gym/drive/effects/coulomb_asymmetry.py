@@ -1,7 +1,7 @@
 """Coulomb friction that depends on the direction: d⁺ = d + a to the right, d⁻ = d - a to the left.
 
-A level never falls below zero. Worked check: with d = 0.357 V and a = 0.02 V cart 1 needs 0.377 V to the right and 0.337 V to the
-left; under a symmetric drive that keeps it moving it drifts like under an offset of -0.02 V.
+A level never falls below zero. Worked check: with d = 0.357 V and a = 0.02 V cart 1 needs 0.377 V to the right and
+0.337 V to the left; under a symmetric drive that keeps it moving it drifts like under an offset of -0.02 V.
 """
 
 from __future__ import annotations
@@ -24,6 +24,6 @@ EFFECT = Effect(
     tells_itself_by="even harmonics, mean drift",
     looks_like=("gain_asymmetry", "input_offset"),
     separating_experiment="slow ramps from rest both ways; the spring uncoupled tells cart 1 from cart 2",
-    reference="B. Armstrong-Hélouvry et al., Automatica 30(7), 1994, 2.1",
+    reference="B. Armstrong-Hélouvry et al., Automatica 30(7), 1994",
     order=1,
 )

@@ -1,8 +1,8 @@
 """Play in the coupling: inside ±g of deflection the spring is loose.
 
-The whole spring, dampers and non-linear terms included, feels δ - clip(δ, ±g), and has no damping inside. Worked check: with
-k = 0.095 V/mm and g = 0.5 mm a deflection of 2 mm carries 0.143 V instead of 0.190 V; the describing function at amplitude A ≫ g is
-k·(1 - 4g/(πA)).
+The whole spring, dampers and non-linear terms included, feels δ - clip(δ, ±g), and has no damping inside. Worked
+check: with k = 0.095 V/mm and g = 0.5 mm a deflection of 2 mm carries 0.143 V instead of 0.190 V; the describing
+function at amplitude A ≫ g is k·(1 - 4g/(πA)).
 """
 
 from __future__ import annotations

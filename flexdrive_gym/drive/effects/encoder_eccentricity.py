@@ -2,7 +2,8 @@ r"""An encoder wheel that is not centred: its reading wobbles once per turn, on 
 
 .. math:: y \leftarrow y + a_s \sin(2\pi x_2/P) + a_c \cos(2\pi x_2/P) .
 
-Worked check: at a constant speed v the velocity reading wobbles by the fraction :math:`2\pi a/P`: 3 % for a = 0.1 mm and P = 20 mm.
+Worked check: at a constant speed v the velocity reading wobbles by the fraction :math:`2\pi a/P`: 3 % for a = 0.1 mm
+and P = 20 mm.
 """
 
 from __future__ import annotations

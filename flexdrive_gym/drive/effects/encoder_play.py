@@ -1,7 +1,8 @@
 """Play between rack and encoder gear: the reading lags by a dead band ±g.
 
-``y ← clip(y_prev, x - g, x + g)``: the reading stays until the rack has crossed the play. First in an encoder's order; the encoder starts
-in the middle of its play. Worked check: after a reversal the reading is frozen for 2g; with g = 0.2 mm that is 0.4 mm.
+``y ← clip(y_prev, x - g, x + g)``: the reading stays until the rack has crossed the play. First in an encoder's
+order; the encoder starts in the middle of its play. Worked check: after a reversal the reading is frozen for 2g; with
+g = 0.2 mm that is 0.4 mm.
 """
 
 from __future__ import annotations
@@ -30,6 +31,6 @@ EFFECT = Effect(
     tells_itself_by="reading frozen at small motion and at reversals while the other cart moves",
     looks_like=("breakaway", "presliding"),
     separating_experiment="small slow sines: with play the command moves the other cart, with friction it does not",
-    reference="M. Nordin, P.-O. Gutman, Controlling mechanical systems with backlash: a survey, Automatica 38(10), 2002 (play operator)",
+    reference="M. Nordin, P.-O. Gutman, Automatica 38(10), 2002 (play operator)",
     order=1,
 )

@@ -1,7 +1,8 @@
 """An encoder whose counts are not the length they are taken for: a wheel worn, a belt of another pitch.
 
-Second in an encoder's order: play, scale, eccentricity, delay, counts. Worked check: s = 0.01 makes x2 grow by 1 %, so v2/v1 tends to 1.01
-at low frequency. The same on encoder 1 cannot be told from a scaled drive, so it is not in the catalogue.
+Second in an encoder's order: play, scale, eccentricity, delay, counts. Worked check: s = 0.01 makes x2 grow by 1 %,
+so v2/v1 tends to 1.01 at low frequency. The same on encoder 1 cannot be told from a scaled drive, so it is not in the
+catalogue.
 """
 
 from __future__ import annotations

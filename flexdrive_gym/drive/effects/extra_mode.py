@@ -1,7 +1,7 @@
 r"""An appendage: a mass on a spring of its own on a cart, or the inertia of the coupling spring.
 
-With mass :math:`m_a` (in addition to m1 or m2), its frequency :math:`\omega_a` while the cart is held, and damping ratio
-:math:`\zeta`; ρ is its position relative to the cart and :math:`v_a` its velocity:
+With mass :math:`m_a` (in addition to m1 or m2), its frequency :math:`\omega_a` while the cart is held, and damping
+ratio :math:`\zeta`; ρ is its position relative to the cart and :math:`v_a` its velocity:
 
 .. math:: F_a = m_a(\omega_a^2 \rho + 2\zeta\omega_a (v_a - v)), \qquad m_a \dot v_a = -F_a, \qquad \dot\rho = v_a - v ,
 
@@ -61,7 +61,9 @@ EFFECT = Effect(
     parameters=(
         Parameter("mass_1", "V s²/mm", 0.0, 0.0, 1.0, "appendage of cart 1, besides m1", (3e-5, 1e-4)),
         Parameter("mass_2", "V s²/mm", 0.0, 0.0, 1.0, "appendage of cart 2, besides m2", (3e-5, 1e-4)),
-        Parameter("frequency", "Hz", 15.0, 1.0, 200.0, "its frequency on a held cart", (8.0, 15.0, 30.0, 50.0), role="shape"),
+        Parameter(
+            "frequency", "Hz", 15.0, 1.0, 200.0, "its frequency on a held cart", (8.0, 15.0, 30.0, 50.0), role="shape"
+        ),
         Parameter("zeta", "1", 0.02, 0.0, 1.0, "its damping ratio", (0.02, 0.1), role="shape"),
     ),
     hooks={"cart:cart_1": _cart_1, "cart:cart_2": _cart_2, "rates": _rates, "begin": _begin},  # type: ignore[dict-item]

@@ -1,7 +1,7 @@
 """Friction that drifts within a run, as bearings warm up: d and b of a cart are scaled by 1 + rate·t.
 
-t counts from the start of the run; the factor never falls below zero. Between runs friction may differ at will: that is a nuisance
-per run of a fit, not a parameter of the drive. Worked check: rate = -0.01/s takes 8 % off in 8 s.
+t counts from the start of the run; the factor never falls below zero. Between runs friction may differ at will: that
+is a nuisance per run of a fit, not a parameter of the drive. Worked check: rate = -0.01/s takes 8 % off in 8 s.
 """
 
 from __future__ import annotations
@@ -28,6 +28,6 @@ EFFECT = Effect(
     tells_itself_by="replicates differ; periods within a run differ",
     looks_like=("gain_drift",),
     separating_experiment="replicates before and after",
-    reference="B. Armstrong-Hélouvry, Control of Machines with Friction, 1991, ch. 4 (warm-up)",
+    reference="B. Armstrong-Hélouvry, Control of Machines with Friction, 1991 (warm-up)",
     order=5,
 )

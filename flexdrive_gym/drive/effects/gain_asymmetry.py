@@ -1,6 +1,7 @@
 """An output stage with two halves: the gain is 1 + a for positive commands and 1 - a for negative ones.
 
-Third in the actuator's order, after limit and dead zone. Worked check: with a = 0.02 a square of ±2 V acts like +2.04 and -1.96 V.
+Third in the actuator's order, after limit and dead zone. Worked check: with a = 0.02 a square of ±2 V acts like +2.04
+and -1.96 V.
 """
 
 from __future__ import annotations
@@ -23,6 +24,6 @@ EFFECT = Effect(
     tells_itself_by="even harmonics in proportion to u",
     looks_like=("input_offset", "coulomb_asymmetry", "viscous_asymmetry"),
     separating_experiment="squares at several amplitudes: an offset stays, this grows",
-    reference="P. Horowitz, W. Hill, The Art of Electronics, ch. 2 (push-pull output stages)",
+    reference="P. Horowitz, W. Hill, The Art of Electronics (push-pull output stages)",
     order=2,
 )

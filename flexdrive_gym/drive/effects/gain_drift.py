@@ -1,6 +1,7 @@
 """A motor and amplifier that heat up within a run: the gain is 1 + rate·t.
 
-Copper gains 0.39 % of resistance per kelvin, magnets lose 0.1-0.2 % of flux. Worked check: rate = -0.004/s takes 3.2 % off in 8 s.
+Copper gains 0.39 % of resistance per kelvin, magnets lose 0.1-0.2 % of flux. Worked check: rate = -0.004/s takes 3.2
+% off in 8 s.
 """
 
 from __future__ import annotations
@@ -23,6 +24,6 @@ EFFECT = Effect(
     tells_itself_by="slow trend within a run",
     looks_like=("friction_drift",),
     separating_experiment="replicates before and after; a long run of one amplitude",
-    reference="R. Krishnan, Electric Motor Drives, 2001, ch. 9 (temperature and machine parameters)",
+    reference="R. Krishnan, Electric Motor Drives, 2001 (temperature and machine parameters)",
     order=3,
 )

@@ -1,8 +1,8 @@
 """What pulls the carts to a place on the track: an encoder cable, a bowed rail, a spring to the frame.
 
-A cable hangs on cart 1 (kg, kg3); a bowed rail acts on both carts in proportion to their masses (kg and kg_2). Negative values push
-away from x = 0, which is where the run starts, or the track's zero in an anchored replay. Worked check: kg = 3e-4 V/mm pulls with 0.03 V
-at 100 mm.
+A cable hangs on cart 1 (kg, kg3); a bowed rail acts on both carts in proportion to their masses (kg and kg_2).
+Negative values push away from x = 0, which is where the run starts, or the track's zero in an anchored replay. Worked
+check: kg = 3e-4 V/mm pulls with 0.03 V at 100 mm.
 """
 
 from __future__ import annotations
@@ -33,5 +33,5 @@ EFFECT = Effect(
     tells_itself_by="pulls to the centre",
     looks_like=("viscous_asymmetry", "tilt"),
     separating_experiment="another start position",
-    reference="A. Janot, M. Gautier, M. Brunot, Data set and reference models of EMPS, 2019 (cable and offset of a prismatic axis)",
+    reference="A. Janot, M. Gautier, M. Brunot, Data set and reference models of EMPS, 2019 (a prismatic axis)",
 )

@@ -1,8 +1,8 @@
 """A spring whose stiffness changes with amplitude, alike in both directions: k3·δ³ (Duffing).
 
-k3 > 0 hardens, k3 < 0 softens. Under a deflection of amplitude A the describing function is k + ¾·k3·A², so the resonance moves by
-about ⅜·k3·A²/k. Worked check: with k = 0.095 V/mm, k3 = 4e-5 V/mm³ and A = 15 mm the stiffness grows by 7.1 %, the resonance by
-3.5 %.
+k3 > 0 hardens, k3 < 0 softens. Under a deflection of amplitude A the describing function is k + ¾·k3·A², so the
+resonance moves by about ⅜·k3·A²/k. Worked check: with k = 0.095 V/mm, k3 = 4e-5 V/mm³ and A = 15 mm the stiffness
+grows by 7.1 %, the resonance by 3.5 %.
 """
 
 from __future__ import annotations

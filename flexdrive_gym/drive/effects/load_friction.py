@@ -1,7 +1,7 @@
 """Friction that scales with the load: the spring pulls slightly aside and presses the cart on its rail.
 
-The level gains μ·|Fs| with Fs the spring's force. Worked check: a spring of 0.095 V/mm stretched by 10 mm presses with 0.95 V, so
-μ = 0.03 adds 0.029 V.
+The level gains μ·|Fs| with Fs the spring's force. Worked check: a spring of 0.095 V/mm stretched by 10 mm presses
+with 0.95 V, so μ = 0.03 adds 0.029 V.
 """
 
 from __future__ import annotations
@@ -24,6 +24,6 @@ EFFECT = Effect(
     tells_itself_by="friction scales with the spring's force",
     looks_like=("spring_damping",),
     separating_experiment="sines around resonance: this loss grows with δ, that of C with its rate",
-    reference="G. Amontons, De la résistance causée dans les machines, 1699; B. Armstrong-Hélouvry et al., Automatica 30(7), 1994",
+    reference="G. Amontons, De la résistance causée dans les machines, 1699",
     order=4,
 )

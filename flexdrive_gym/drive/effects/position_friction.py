@@ -2,8 +2,9 @@ r"""Coulomb friction that changes along the track: a tight spot, a bent rail, a 
 
 .. math:: d(x) = d + a_s \sin(2\pi x/P) + a_c \cos(2\pi x/P) + g\,x ,
 
-never below zero; the phase of the ripple is in its two amplitudes. x is counted from the run's zero, or from the track's in an
-anchored replay. Worked check: with d = 0.357 V, :math:`a_s` = 0.05 V and P = 200 mm the level is 0.407 V at x = 50 mm.
+never below zero; the phase of the ripple is in its two amplitudes. x is counted from the run's zero, or from the
+track's in an anchored replay. Worked check: with d = 0.357 V, :math:`a_s` = 0.05 V and P = 200 mm the level is 0.407
+V at x = 50 mm.
 """
 
 from __future__ import annotations
@@ -36,6 +37,6 @@ EFFECT = Effect(
     tells_itself_by="friction changes along the track",
     looks_like=("cogging",),
     separating_experiment="the same drive from another start position",
-    reference="B. Armstrong-Hélouvry, Control of Machines with Friction, 1991, ch. 4 (position-dependent friction)",
+    reference="B. Armstrong-Hélouvry, Control of Machines with Friction, 1991 (position-dependent friction)",
     order=2,
 )

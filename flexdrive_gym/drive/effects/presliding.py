@@ -1,6 +1,7 @@
 r"""Presliding: before a contact slides its asperities bend like bristles, and friction is a spring with hysteresis.
 
-Dahl's bristle of deflection :math:`\zeta` [mm], :math:`|\zeta| \le x_s`, in parallel with what is left of the Coulomb level:
+Dahl's bristle of deflection :math:`\zeta` [mm], :math:`|\zeta| \le x_s`, in parallel with what is left of the Coulomb
+level:
 
 .. math:: \dot\zeta = v\,(1 - \operatorname{sgn}(v)\,\zeta/x_s), \qquad F = -f_d\,\zeta/x_s .
 
@@ -8,10 +9,10 @@ Along the way :math:`d\zeta/dx = 1 - s\,\zeta/x_s` does not contain time: while 
 
 .. math:: \zeta(\Delta x) = s x_s + (\zeta_0 - s x_s)\,e^{-s\,\Delta x/x_s} .
 
-The step evaluates this closed form instead of integrating :math:`\dot\zeta`, whose rate :math:`|v|/x_s` reaches 10⁴/s: it is
-stable at every speed, and a reversal, where the force does change, begins at v = 0 and is well resolved. Pure presliding is d = 0.
-Worked check: a small displacement Δx from rest pulls back with :math:`(f_d/x_s)\,\Delta x`; with :math:`f_d` = 0.1 V and
-:math:`x_s` = 0.5 mm the force is 63 % of 0.1 V after 0.5 mm.
+The step evaluates this closed form instead of integrating :math:`\dot\zeta`, whose rate :math:`|v|/x_s` reaches
+10⁴/s: it is stable at every speed, and a reversal, where the force does change, begins at v = 0 and is well resolved.
+Pure presliding is d = 0. Worked check: a small displacement Δx from rest pulls back with :math:`(f_d/x_s)\,\Delta x`;
+with :math:`f_d` = 0.1 V and :math:`x_s` = 0.5 mm the force is 63 % of 0.1 V after 0.5 mm.
 """
 
 from __future__ import annotations
@@ -22,7 +23,6 @@ import numpy as np
 
 from flexdrive_gym.drive.compilation import inlined
 from flexdrive_gym.drive.effects._effect import Effect, Parameter
-
 
 
 @inlined
@@ -61,5 +61,8 @@ EFFECT = Effect(
     tells_itself_by="spring-like at each reversal",
     looks_like=("stribeck", "encoder_play"),
     separating_experiment="slow reversals of a few counts: presliding comes back elastically",
-    reference="P. R. Dahl, A solid friction model, Aerospace Corp. TOR-0158, 1968; C. Canudas de Wit et al., IEEE TAC 40(3), 1995",
+    reference=(
+        "P. R. Dahl, A solid friction model, Aerospace Corp. TOR-0158, 1968; "
+        "C. Canudas de Wit et al., IEEE Trans. Automatic Control 40(3), 1995"
+    ),
 )

@@ -1,7 +1,7 @@
 """Drag that grows with the square of the speed: c·v·|v|, of air, or the curvature of any viscous law.
 
-As a viscous coefficient it is b + c·|v|; together they never fall below zero. Worked check: with b1 = 0.0096 V s/mm and
-c = 3e-6 V s²/mm² drag is 0.1 V of the viscous 1.75 V at 183 mm/s.
+As a viscous coefficient it is b + c·|v|; together they never fall below zero. Worked check: with b1 = 0.0096 V s/mm
+and c = 3e-6 V s²/mm² drag is 0.1 V of the viscous 1.75 V at 183 mm/s.
 """
 
 from __future__ import annotations

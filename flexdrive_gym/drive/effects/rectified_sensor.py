@@ -1,8 +1,8 @@
 """A pulse counter that does not see the direction: the velocity reading loses its sign.
 
-It acts on the rate of the readings, before any filter, because such a sensor counts pulses; a position that is read keeps its sign. The
-share is 1 for a pulse counter and 0 for an encoder; in between it is a mixture that no sensor has, but along which a fit can search.
-Worked check: -120 mm/s reads as +120 mm/s at share 1, as 0 at share 0.5.
+It acts on the rate of the readings, before any filter, because such a sensor counts pulses; a position that is read
+keeps its sign. The share is 1 for a pulse counter and 0 for an encoder; in between it is a mixture that no sensor
+has, but along which a fit can search. Worked check: -120 mm/s reads as +120 mm/s at share 1, as 0 at share 0.5.
 """
 
 from __future__ import annotations

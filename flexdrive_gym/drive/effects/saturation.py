@@ -4,9 +4,9 @@ A hard limit is ``clip(u, ±u_max)``. Many output stages round the corner; with 
 
 .. math:: u \leftarrow u \left(1 + |u/u_{max}|^{1/\epsilon}\right)^{-\epsilon},
 
-which is the hard limit as :math:`\epsilon \to 0`. Worked check: at u = u_max the hard limit passes u_max, the soft one
-:math:`u_{max}\,2^{-\epsilon}`: 4.76 V of 8 V for :math:`\epsilon = 0.75`. Whatever its softness, the limit is what a rig's
-record of u is clipped to.
+which is the hard limit as :math:`\epsilon \to 0`. Worked check: at u = u_max the hard limit passes u_max, the soft
+one :math:`u_{max}\,2^{-\epsilon}`: 4.76 V of 8 V for :math:`\epsilon = 0.75`. Whatever its softness, the limit is
+what a rig's record of u is clipped to.
 """
 
 from __future__ import annotations

@@ -3,9 +3,9 @@ r"""Friction between coils: a spring that loses the same energy in every cycle, 
 .. math:: F = F_h\,\zeta, \qquad
    x_s\,\dot\zeta = \dot\delta - \tfrac12 |\dot\delta|\,\zeta - \tfrac12 \dot\delta\,|\zeta| ,
 
-with the sharpness n = 1. ζ depends on the path of δ alone, not on its speed. Worked check: on the first loading from zero
-:math:`F = F_h (1 - e^{-\delta/x_s})`; the loss of a cycle between ±A, A ≫ :math:`x_s`, tends to
-:math:`4 F_h A - 4(2\ln 2 - \tfrac12) F_h x_s \cdot \tfrac12 \approx 4 F_h A` less a term of the order :math:`F_h x_s`.
+with the sharpness n = 1. ζ depends on the path of δ alone, not on its speed. Worked check: on the first loading from
+zero :math:`F = F_h (1 - e^{-\delta/x_s})`. After a reversal F falls along a straight line to zero over :math:`x_s`
+and exponentially beyond, so the loss of a cycle between ±A, A ≫ :math:`x_s`, is :math:`F_h (4A - 5x_s)` at any speed.
 """
 
 from __future__ import annotations

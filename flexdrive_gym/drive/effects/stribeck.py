@@ -2,9 +2,9 @@ r"""The Stribeck effect: friction falls from its level at rest as a lubricating 
 
 .. math:: d(v) = d + d_s\,e^{-(v/v_s)^2}, \qquad d_s = F_s - F_c .
 
-The level at v = 0, which has to be overcome from rest, is :math:`d + d_s`, so the law is continuous where the cart tears
-loose. Worked check: with d = 0.357 V, :math:`d_s` = 0.05 V and :math:`v_s` = 40 mm/s a cart tears loose at 0.407 V, slides
-against 0.375 V at 40 mm/s and against 0.357 V at 150 mm/s.
+The level at v = 0, which has to be overcome from rest, is :math:`d + d_s`, so the law is continuous where the cart
+tears loose. Worked check: with d = 0.357 V, :math:`d_s` = 0.05 V and :math:`v_s` = 40 mm/s a cart tears loose at
+0.407 V, slides against 0.375 V at 40 mm/s and against 0.357 V at 150 mm/s.
 """
 
 from __future__ import annotations
@@ -35,6 +35,6 @@ EFFECT = Effect(
     tells_itself_by="force peak at low speed, reversals",
     looks_like=("presliding", "quadratic_drag"),
     separating_experiment="plateaus at ±0.7…1 V and at ±3 V",
-    reference="R. Stribeck, VDI-Zeitschrift 46, 1902; B. Armstrong-Hélouvry et al., Automatica 30(7), 1994, Eq. (5)",
+    reference="R. Stribeck, VDI-Zeitschrift 46, 1902; B. Armstrong-Hélouvry et al., Automatica 30(7), 1994",
     order=3,
 )

@@ -2,8 +2,8 @@ r"""A rail that is not level: a constant force on each cart in proportion to its
 
 .. math:: F_1 = F\,\frac{m_1}{m_1+m_2}, \qquad F_2 = F\,\frac{m_2}{m_1+m_2} .
 
-Worked check: F is the force that holds both carts; a rail tilted by 1 mm/m pulls with 9.81 mm/s² · (m1 + m2) = 0.011 V for
-m1 + m2 = 1.1e-3 V s²/mm.
+Worked check: F is the force that holds both carts; a rail tilted by 1 mm/m pulls with 9.81 mm/s² · (m1 + m2) = 0.011
+V for m1 + m2 = 1.1e-3 V s²/mm.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Viscous friction that depends on the direction: b⁺ = b + a to the right, b⁻ = b - a to the left.
 
-A coefficient never falls below zero. Worked check: with b1 = 0.0096 and a = 0.0004 V s/mm the steady velocity of cart 1 alone under
-±2 V against 0.36 V of friction is 164 mm/s to the right and 178 mm/s to the left.
+A coefficient never falls below zero. Worked check: with b1 = 0.0096 and a = 0.0004 V s/mm the steady velocity of cart
+1 alone under ±2 V against 0.36 V of friction is 164 mm/s to the right and 178 mm/s to the left.
 """
 
 from __future__ import annotations
@@ -24,6 +24,6 @@ EFFECT = Effect(
     tells_itself_by="even harmonics that grow with v",
     looks_like=("gain_asymmetry", "ground_spring", "coulomb_asymmetry"),
     separating_experiment="plateaus both ways at several amplitudes",
-    reference="B. Armstrong-Hélouvry, Control of Machines with Friction, 1991, ch. 3",
+    reference="B. Armstrong-Hélouvry, Control of Machines with Friction, 1991",
     order=1,
 )
