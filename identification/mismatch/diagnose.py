@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from dataclasses import replace
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from pathlib import Path
@@ -49,6 +50,8 @@ from identification.recordings import read_recordings
 _SHAPE_GAIN, _SHAPE_LEAD = 0.12, 1.6
 # a fit this near to the floor leaves nothing to explain
 _NEAR_FLOOR = 1.25
+# a finding must cut the squared error on recordings kept away by this share
+_LEAST_PROOF = 0.01
 
 
 def diagnose(
@@ -140,7 +143,7 @@ class _Diagnosing:
         say("free shapes")
         shape, alike = self.unnamed(found)
         say("proving on recordings kept away")
-        ladder = self.ladder(found)
+        ladder, found = self.proven(found)
         fits = velocity_fits(ladder[0], ladder[-1], split.learn, self.runs, self.pool, held_out=False)
         fits += velocity_fits(ladder[0], ladder[-1], split.prove, self.runs, self.pool, held_out=True)
         before, after = Drive(ladder[0], name="free fit"), Drive(ladder[-1], name="diagnosed drive")
@@ -188,13 +191,13 @@ class _Diagnosing:
             )
             named = stage.rivals[0].gain if stage is not found.last and stage.rivals else 0.0
             for i, shape in enumerate(shapes):
-                if shape.gain < max(_SHAPE_GAIN, _SHAPE_LEAD * named) or luck.probability(i, shape.gain) > LEVEL:
+                if shape.predicted < max(_SHAPE_GAIN, _SHAPE_LEAD * named) or luck.probability(i, shape.gain) > LEVEL:
                     continue
                 return shape, likeness(shape, stage.screened)
         return None, []
 
     def describe(self, shape: Shape, alike: Sequence[tuple[str, float]], found: Search) -> Unnamed:
-        return Unnamed(shape.where, shape.gain, shape.sentence, tuple(alike[:3]))
+        return Unnamed(shape.where, shape.predicted, shape.sentence, tuple(alike[:3]))
 
     def ladder(self, found: Search) -> list[Mapping[str, float]]:
         """Return the models fitted to what was learnt from: the free fit, then with each finding added."""
@@ -213,6 +216,20 @@ class _Diagnosing:
             rungs.append(values)
         bench.offsets = kept
         return rungs
+
+    def proven(self, found: Search) -> tuple[list[Mapping[str, float]], Search]:
+        """Return the ladder of models, without findings that do not hold on recordings that were kept away."""
+        kept = self.split.prove or self.split.learn
+        while True:
+            ladder = self.ladder(found)
+            failed = []
+            for step, low, high in zip(found.findings, ladder, ladder[1:], strict=False):
+                before, after, _ = total(velocity_fits(low, high, kept, self.runs, self.pool, held_out=True))
+                if after**2 > (1.0 - _LEAST_PROOF) * before**2:
+                    failed.append(step)
+            if not failed:
+                return ladder, found
+            found = replace(found, steps=tuple(s for s in found.steps if s is not failed[-1]))
 
     def final(self, values: Mapping[str, float], found: Search) -> Drive:
         """Return the drive fitted to all open-loop recordings, with intervals from the spread between recordings."""

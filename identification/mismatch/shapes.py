@@ -39,6 +39,8 @@ class Shape:
         Values of the variable, missing force [V] (friction: against the motion) and standard error over the recordings.
     gain
         Share of the remaining comparable squared error.
+    predicted
+        The same in recordings left out when the function was found, one at a time; can be negative.
     screened
         The same as a candidate, for chance and likeness.
     """
@@ -49,6 +51,7 @@ class Shape:
     force: FloatArray
     band: FloatArray
     gain: float
+    predicted: float
     screened: Screened
 
     @property
@@ -81,7 +84,7 @@ def free_shapes(bench: Workbench, model: Fit, forces: Sequence[MissingForce]) ->
         own = columns[:, begin : begin + len(knots)]
         begin += len(knots)
         shapes.append(_judge(bench, f"cart_{cart + 1}", name, knots, own, e, present))
-    return sorted(shapes, key=lambda s: -s.gain)
+    return sorted(shapes, key=lambda s: -s.predicted)
 
 
 def likeness(shape: Shape, screened: Sequence[Screened]) -> list[tuple[str, float]]:
@@ -171,6 +174,18 @@ def _judge(
     band = np.sqrt(np.maximum(np.diag(inverse @ (scores.T @ scores) @ inverse), 0.0))
     gain = float(amounts @ amounts / (e @ e))
     candidate = Candidate(f"shape of {name}", where, (), ())
-    return Shape(where, name, knots, force, band, gain, Screened(candidate, gain, tuple(amounts), 0.0, basis))
+    return Shape(where, name, knots, force, band, gain, _predicted(bench, beyond, e), Screened(candidate, gain, tuple(amounts), 0.0, basis))
 
 
+
+
+def _predicted(bench: Workbench, beyond: FloatArray, e: FloatArray) -> float:
+    rows = [bench.rows.of(r) for r in range(len(bench.runs))]
+    H = [beyond[i].T @ beyond[i] for i in rows]
+    g = [beyond[i].T @ e[i] for i in rows]
+    ridge = 1e-3 * np.trace(sum(H)) / len(H[0]) * np.eye(len(H[0]))
+    gained = 0.0
+    for r, i in enumerate(rows):
+        force = -np.linalg.solve(sum(H) - H[r] + ridge, sum(g) - g[r])
+        gained += float(e[i] @ e[i] - np.sum((e[i] + beyond[i] @ force) ** 2))
+    return gained / float(e @ e)
