@@ -184,7 +184,7 @@ class _Diagnosing:
         stages = [found.last] if not found.findings else [found.stages[0], found.last]
         for stage in stages:
             model = stage.before
-            shapes = free_shapes(self.bench, model, self.forces(model.values, self.split.learn))
+            shapes = free_shapes(self.bench, model)
             present = orthonormal(model.jacobian)
             luck = chance(
                 self.bench, [s.screened for s in shapes], null_residuals(self.bench, model.values, self.rng), present

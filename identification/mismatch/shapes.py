@@ -3,6 +3,9 @@
 A force on one cart that is any function of one variable (hat functions between knots), or a friction whose level is any
 function of one, is put into the simulation like a catalogue entry. Where such a shape explains far more than anything that has
 a name, the catalogue does not hold what was left out; the shape is then what can be said.
+
+The variables are those of the model's own motion. Measured ones hold the very error that is to be explained: a force that
+follows the measured velocity would steer the model after the rig and explain everything.
 """
 
 from __future__ import annotations
@@ -15,10 +18,10 @@ import numpy as np
 
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.candidates import Candidate
-from identification.mismatch.missing_force import MissingForce
 from identification.mismatch.refit import Fit
 from identification.mismatch.screening import Screened, orthonormal
 from identification.mismatch.workbench import Workbench
+from identification.output_error import Run, simulate_run
 
 KNOTS = 7
 _SIZE_V = 0.05
@@ -61,23 +64,31 @@ class Shape:
         return f"{self.variable}, largest ({self.force[i]:+.2g} V) at {self.knots[i]:.3g}"
 
 
-def free_shapes(bench: Workbench, model: Fit, forces: Sequence[MissingForce]) -> list[Shape]:
-    """Return every free shape's gain on the present model, best first.
+@dataclass(frozen=True, eq=False)
+class _Motion:
+    """Simulated motion of one recording: t, u of shape (n,), v of shape (carts, n)."""
 
-    Parameters
-    ----------
-    forces
-        Smoothed motion of the recordings on the bench, in their order.
-    """
+    t: FloatArray
+    u: FloatArray
+    v: FloatArray
+
+    @property
+    def delta(self) -> FloatArray:
+        return np.asarray(np.cumsum(self.v[0] - self.v[1]) * (self.t[1] - self.t[0]))
+
+
+def free_shapes(bench: Workbench, model: Fit) -> list[Shape]:
+    """Return every free shape's gain on the present model, the one that predicts best first."""
+    forces = list(bench.pool.map(lambda run: _motion(model, run), bench.runs))
     present = orthonormal(model.jacobian)
     e = model.residual - present @ (present.T @ model.residual)
-    families = [f for cart in range(len(forces[0].g)) for f in _families(forces, cart)]
+    families = [f for cart in range(len(forces[0].v)) for f in _families(forces, cart)]
     pushes, sizes = [], []
     for cart, _, values, sign in families:
         knots = _knots(values)
         sizes.append(knots)
         for k in range(len(knots)):
-            pushes.append(partial(_forces, bench, cart, k, knots, values, sign))
+            pushes.append(partial(_forces, cart, k, knots, values, sign))
     columns = bench.comparable(bench.pushed(model.values, pushes, _SIZE_V))
     shapes, begin = [], 0
     for (cart, name, _, _), knots in zip(families, sizes, strict=True):
@@ -98,9 +109,12 @@ def likeness(shape: Shape, screened: Sequence[Screened]) -> list[tuple[str, floa
     return sorted(best.items(), key=lambda item: -item[1])
 
 
-def _families(
-    forces: Sequence[MissingForce], cart: int
-) -> list[tuple[int, str, list[FloatArray], list[FloatArray]]]:
+def _motion(model: Fit, run: Run) -> _Motion:
+    v = np.array(simulate_run(model.values, run))
+    return _Motion(np.arange(len(run.u)) * run.sample_time, run.u, v)
+
+
+def _families(forces: Sequence[_Motion], cart: int) -> list[tuple[int, str, list[FloatArray], list[FloatArray]]]:
     ones = [np.ones_like(f.t) for f in forces]
     direction = [-np.where(np.abs(f.v[cart]) > _RESTING, np.sign(f.v[cart]), 0.0) for f in forces]
     own = cart + 1
@@ -139,20 +153,9 @@ def _hat(x: FloatArray, knots: FloatArray, k: int) -> FloatArray:
 
 
 def _forces(
-    bench: Workbench,
-    cart: int,
-    k: int,
-    knots: FloatArray,
-    values: Sequence[FloatArray],
-    sign: Sequence[FloatArray],
+    cart: int, k: int, knots: FloatArray, values: Sequence[FloatArray], sign: Sequence[FloatArray]
 ) -> list[FloatArray]:
-    forces = []
-    for run, x, s in zip(bench.runs, values, sign, strict=True):
-        # the smoothed motion has fewer samples than the recording
-        n = len(run.u)
-        every = -(-n // len(x))
-        forces.append(_push(cart, np.repeat(_hat(x, knots, k) * s, every)[:n]))
-    return forces
+    return [_push(cart, _hat(x, knots, k) * s) for x, s in zip(values, sign, strict=True)]
 
 
 def _push(cart: int, force: FloatArray) -> FloatArray:

@@ -86,7 +86,7 @@ class Prior:
     most: float
 
 
-FRICTION = Prior("friction", 0.06, 0.02, 0.1)
+FRICTION = Prior("friction", 0.06, 0.02, 0.15)
 OFFSET = Prior("offset", 0.02, 0.003, 0.05)
 
 
