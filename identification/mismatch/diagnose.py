@@ -18,14 +18,13 @@ from flexdrive_gym.drive.effects import LAYOUT
 from flexdrive_gym.recording import FloatArray, Recording
 from identification.likelihood import MaximumLikelihood, identify_by_likelihood
 from identification.methods import rig_parameters
-from identification.mismatch.chance import chance, null_residuals
+from identification.mismatch.lines import strongest_line
 from identification.mismatch.maps import Map, draw_maps, harmonics
 from identification.mismatch.missing_force import MissingForce, missing_force
 from identification.mismatch.prove import loop_fits, place, polished, total, velocity_fits
 from identification.mismatch.refit import BASE_ONE, BASE_TWO, Coordinates, sensitivities
-from identification.mismatch.screening import orthonormal
 from identification.mismatch.search import LEVEL, Progress, Search, search
-from identification.mismatch.shapes import Shape, free_shapes, likeness
+from identification.mismatch.shapes import Shape, likeness
 from identification.mismatch.spatial import periods
 from identification.mismatch.split import Split, split_recordings
 from identification.mismatch.verdict import (
@@ -48,6 +47,8 @@ from identification.recordings import read_recordings
 
 # a free shape must explain this share of the remaining error, and this much more than any name, to be called unnamed
 _SHAPE_GAIN, _SHAPE_LEAD = 0.12, 1.6
+# and a line in the spectrum this share
+_LINE_SHARE = 0.05
 # a fit this near to the floor leaves nothing to explain
 _NEAR_FLOOR = 1.25
 # a finding must cut the squared error on recordings kept away by this share
@@ -140,7 +141,6 @@ class _Diagnosing:
         found = search(
             self.bench, free, self.carts, self.rng, drive_level=self.level, shapes=self.shapes, say=say
         )
-        say("free shapes")
         shape, alike = self.unnamed(found)
         say("proving on recordings kept away")
         ladder, found = self.proven(found)
@@ -152,7 +152,7 @@ class _Diagnosing:
         say("fitting all recordings")
         drive = self.final(ladder[-1], found)
         findings = self.findings(found, ladder, drive)
-        unnamed = None if shape is None else self.describe(shape, alike, found)
+        unnamed = self.rhythm(found) if shape is None else self.describe(shape, alike)
         return Diagnosis(
             verdict=_verdict(findings, unnamed, proof),
             faults=tuple(f for r in self.runs for f in r.faults),
@@ -181,23 +181,27 @@ class _Diagnosing:
 
     def unnamed(self, found: Search) -> tuple[Shape | None, list[tuple[str, float]]]:
         """Return the free shape that no name fits, if there is one, and the names nearest to it."""
-        stages = [found.last] if not found.findings else [found.stages[0], found.last]
-        for stage in stages:
-            model = stage.before
-            shapes = free_shapes(self.bench, model)
-            present = orthonormal(model.jacobian)
-            luck = chance(
-                self.bench, [s.screened for s in shapes], null_residuals(self.bench, model.values, self.rng), present
-            )
-            named = stage.rivals[0].gain if stage is not found.last and stage.rivals else 0.0
-            for i, shape in enumerate(shapes):
-                if shape.predicted < max(_SHAPE_GAIN, _SHAPE_LEAD * named) or luck.probability(i, shape.gain) > LEVEL:
-                    continue
-                return shape, likeness(shape, stage.screened)
+        first, last = found.stages[0], found.last
+        rounds = [(found.last_shapes, last, 0.0)]
+        if found.findings:
+            rounds.insert(0, (found.first_shapes, first, max(s.rival.gain for s in found.findings[:1])))
+        for shapes, stage, named in rounds:
+            for shape in shapes:
+                if shape.predicted >= max(_SHAPE_GAIN, _SHAPE_LEAD * named) and shape.probability <= LEVEL:
+                    return shape, likeness(shape, stage.screened)
         return None, []
 
-    def describe(self, shape: Shape, alike: Sequence[tuple[str, float]], found: Search) -> Unnamed:
+    def describe(self, shape: Shape, alike: Sequence[tuple[str, float]]) -> Unnamed:
         return Unnamed(shape.where, shape.predicted, shape.sentence, tuple(alike[:3]))
+
+    def rhythm(self, found: Search) -> Unnamed | None:
+        """Return a disturbance with a rhythm of its own, which no property of the drive can make."""
+        commands = [r.excitation.frequency for r in self.split.learn]
+        line = strongest_line(self.bench, self.bench.residual(found.model.values), commands)
+        if line is None or line.share < _LINE_SHARE:
+            return None
+        acts = f"{line.frequency:.3g} Hz whatever the command: a disturbance from outside"
+        return Unnamed(line.where, line.share, acts, ())
 
     def ladder(self, found: Search) -> list[Mapping[str, float]]:
         """Return the models fitted to what was learnt from: the free fit, then with each finding added."""

@@ -10,7 +10,6 @@ import numpy as np
 from flexdrive_gym.drive.effects import EFFECTS, LAYOUT
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.candidates import Candidate, bounds, catalogue
-from identification.mismatch.missing_force import MissingForce
 from identification.mismatch.refit import (
     BASE_ONE,
     BASE_TWO,
@@ -22,11 +21,12 @@ from identification.mismatch.refit import (
 )
 from identification.mismatch.chance import Chance, chance, null_residuals
 from identification.mismatch.screening import Screened, orthonormal, screen
+from identification.mismatch.shapes import Shape, free_shapes
 from identification.mismatch.workbench import FRICTION, OFFSET, Workbench
 
 Progress = Callable[[str], None]
 # a finding must be rarer than this by chance, and explain at least this share of the remaining squared error
-LEVEL, LEAST_GAIN = 0.01, 0.05
+LEVEL, LEAST_GAIN = 0.01, 0.04
 # rivals closer than this in gain, or not plainly worse in the paired recordings, are ties
 TIE_LEVEL, TIE_GAIN = 0.05, 0.85
 # friction along the track below this share of the drive is the roughness that every rig has
@@ -51,6 +51,8 @@ class Rival:
         Where every run began along the track [mm], modulo the period.
     gain
         Share of the stage's comparable squared error that the refit removed.
+    probability
+        False-alarm probability of that gain in a search over the whole catalogue.
     behind
         Probability that it is as good as the stage's best, from the recordings' paired costs.
     """
@@ -59,6 +61,7 @@ class Rival:
     fit: Fit
     offsets: FloatArray
     gain: float
+    probability: float = 1.0
     behind: float = 1.0
 
     @property
@@ -81,17 +84,22 @@ class Stage:
     before
         The model at the start of the round.
     rivals
-        Refitted candidates, best first.
+        Refitted candidates: first those that chance would not reach, each part by gain.
     screened
         Best entry of every effect and place, best first.
-    probability
-        False-alarm probability of the best rival's gain.
+    null
+        Comparable residuals of the null draws, shape (N, draws).
     """
 
     before: Fit
     rivals: tuple[Rival, ...]
     screened: tuple[Screened, ...]
-    probability: float
+    null: FloatArray = field(repr=False)
+
+    @property
+    def probability(self) -> float:
+        """False-alarm probability of the first rival."""
+        return self.rivals[0].probability if self.rivals else 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,8 +135,14 @@ class Search:
     baseline: Fit
     steps: tuple[Step, ...]
     model: Fit
-    last: Stage
-    stages: tuple[Stage, ...] = field(default=(), repr=False)
+    stages: tuple[Stage, ...] = field(repr=False)
+    first_shapes: tuple[Shape, ...] = field(repr=False)
+    last_shapes: tuple[Shape, ...] = field(repr=False)
+
+    @property
+    def last(self) -> Stage:
+        """The round that found nothing more."""
+        return self.stages[-1]
 
     @property
     def findings(self) -> tuple[Step, ...]:
@@ -180,7 +194,10 @@ def search(
     while True:
         now = stage(bench, model, carts, rng, shapes(model.values), say=say)
         stages.append(now)
-        if not now.rivals or now.probability > LEVEL or now.rivals[0].gain < LEAST_GAIN or len(steps) >= MOST_EFFECTS + 2:
+        if len(stages) == 1:
+            say("free shapes")
+            shapes_found = first_shapes = _shapes(bench, now)
+        if not now.rivals or not _passes(now.rivals[0]) or len(steps) >= MOST_EFFECTS + 2:
             break
         best = now.rivals[0]
         rough = _roughness(best, drive_level)
@@ -192,7 +209,17 @@ def search(
         ties = () if rough else tuple(r.name for r in now.rivals[1:] if _ties(r, best) and not _roughness(r, drive_level))
         steps.append(Step(best, ties[:3], now.probability, before, rms(bench, model.values), rough))
         say(f"{'rough track' if rough else 'found'}: {best.name[0]} at {best.name[1]}")
-    return Search(first, tuple(steps), model, stages[-1], tuple(stages))
+    if len(stages) > 1:
+        say("free shapes")
+        shapes_found = _shapes(bench, stages[-1])
+    return Search(first, tuple(steps), model, tuple(stages), first_shapes, shapes_found)
+
+
+def _shapes(bench: Workbench, stage: Stage) -> tuple[Shape, ...]:
+    """Free shapes on the model before a stage, with their false-alarm probabilities."""
+    shapes = free_shapes(bench, stage.before)
+    luck = chance(bench, [s.screened for s in shapes], stage.null, orthonormal(stage.before.jacobian))
+    return tuple(replace(s, probability=luck.probability(s.screened.candidate.name, s.gain)) for s in shapes)
 
 
 def _ties(rival: Rival, best: Rival) -> bool:
@@ -242,37 +269,36 @@ def stage(
     e = model.residual - present @ (present.T @ model.residual)
     columns = directions(bench, candidates, model.values, raw)
     screened = list(bench.pool.map(lambda pair: screen(bench, pair[0], pair[1], e, present), zip(candidates, columns, strict=True)))
-    luck = chance(bench, screened, null_residuals(bench, model.values, rng), present)
+    null = null_residuals(bench, model.values, rng)
+    luck = chance(bench, screened, null, present)
     leaders = best_of_each(screened)
     tried = []
-    for s in _to_refit(screened, leaders):
+    for s in _to_refit(screened, leaders, luck):
         say(f"refitting with {s.candidate.id} ({s.candidate.where})")
         tried.append(_rival(bench, model, s, raw))
     best: dict[tuple[str, str], Rival] = {}
     for r in tried:
         if r.name not in best or r.fit.cost < best[r.name].fit.cost:
             best[r.name] = r
-    rivals = _paired(bench, sorted(best.values(), key=lambda r: r.fit.cost), rng)
-    return Stage(model, tuple(rivals), tuple(leaders), _probability(rivals, screened, luck))
+    judged = [replace(r, probability=luck.probability(r.name, max(r.gain, r.screened.gain))) for r in best.values()]
+    order = sorted(judged, key=lambda r: (not _passes(r), r.fit.cost))
+    return Stage(model, tuple(_paired(bench, order, rng)), tuple(leaders), null)
 
 
-def _probability(rivals: Sequence[Rival], screened: Sequence[Screened], luck: Chance) -> float:
-    if not rivals:
-        return 1.0
-    best = rivals[0]
-    # the linear prospect may have been at another start value of the same effect
-    own = [i for i, s in enumerate(screened) if s.candidate.name == best.name]
-    usual = max(own, key=lambda i: luck.usual[i])
-    return luck.probability(usual, max(best.gain, max(screened[i].gain for i in own)))
+def _passes(rival: Rival) -> bool:
+    return rival.probability <= LEVEL and rival.gain >= LEAST_GAIN
 
 
-def _to_refit(screened: Sequence[Screened], leaders: Sequence[Screened]) -> list[Screened]:
-    """The leaders, more than one start for the first of them, and what is known to look like the first."""
+def _to_refit(screened: Sequence[Screened], leaders: Sequence[Screened], luck: Chance) -> list[Screened]:
+    """The leaders in gain and in surprise, other starts for the first of them, and what is known to look like them."""
     chosen = list(leaders[:_REFITS])
+    surprising = sorted(leaders, key=lambda s: -luck.surprise(s.candidate.name, s.gain))
+    chosen += [s for s in surprising[:4] if not any(s is c for c in chosen)]
     alike: set[str] = set()
-    for s in leaders[:2]:
+    for s in (*leaders[:2], *surprising[:1]):
         alike |= {i for e in EFFECTS if e.id == s.candidate.id for i in e.looks_like}
-    chosen += [s for s in leaders[_REFITS:] if s.candidate.id in alike and s.gain > 0.1 * leaders[0].gain][:3]
+    others = [s for s in leaders[_REFITS:] if s.candidate.id in alike and not any(s is c for c in chosen)]
+    chosen += [s for s in others if s.gain > 0.1 * leaders[0].gain][:3]
     for s in leaders[:_SECOND_STARTS]:
         others = [o for o in screened if o.candidate.name == s.candidate.name and o is not s and o.gain > 0.3 * s.gain]
         others = [o for o in others if o.candidate.shapes != s.candidate.shapes]

@@ -46,6 +46,8 @@ class Shape:
         The same in recordings left out when the function was found, one at a time; can be negative.
     screened
         The same as a candidate, for chance and likeness.
+    probability
+        False-alarm probability of the gain among all shapes.
     """
 
     where: str
@@ -56,6 +58,7 @@ class Shape:
     gain: float
     predicted: float
     screened: Screened
+    probability: float = 1.0
 
     @property
     def sentence(self) -> str:

@@ -87,7 +87,7 @@ class Prior:
 
 
 FRICTION = Prior("friction", 0.06, 0.02, 0.15)
-OFFSET = Prior("offset", 0.02, 0.003, 0.05)
+OFFSET = Prior("offset", 0.01, 0.002, 0.015)
 
 
 class Workbench:
@@ -222,16 +222,17 @@ class Workbench:
         """
         groups = sorted({p.group for p in priors})
         start = {p.group: p.start for p in priors}
-        squares, count = dict.fromkeys(groups, 0.0), dict.fromkeys(groups, 0)
+        found, variance = [], np.zeros(len(priors))
         for r in range(len(self.runs)):
             D, e = directions[self.rows.of(r)], residual[self.rows.of(r)]
             covariance = np.linalg.inv(D.T @ D + np.diag([start[p.group] ** -2 for p in priors]))
-            b = covariance @ (D.T @ e)
-            for p, value, variance in zip(priors, b, np.diag(covariance), strict=True):
-                squares[p.group] += float(value**2 + variance)
-                count[p.group] += 1
+            found.append(covariance @ (D.T @ e))
+            variance += np.diag(covariance) / len(self.runs)
+        # what all runs have in common is no spread but physics
+        own = np.var(np.array(found), axis=0) + variance
+        square = {g: float(np.mean([v for v, p in zip(own, priors, strict=True) if p.group == g])) for g in groups}
         limits = {p.group: (p.least, p.most) for p in priors}
-        self.spread = {g: float(np.clip(np.sqrt(squares[g] / count[g]), *limits[g])) for g in groups}
+        self.spread = {g: float(np.clip(np.sqrt(square[g]), *limits[g])) for g in groups}
         scale = np.array([self.spread[p.group] for p in priors])
         self._random = []
         for r in range(len(self.runs)):
