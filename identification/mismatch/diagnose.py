@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from dataclasses import replace
+from dataclasses import dataclass
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from pathlib import Path
@@ -23,7 +23,7 @@ from identification.mismatch.maps import Map, draw_maps, harmonics
 from identification.mismatch.missing_force import MissingForce, missing_force
 from identification.mismatch.prove import loop_fits, place, polished, total, velocity_fits
 from identification.mismatch.refit import BASE_ONE, BASE_TWO, Coordinates, sensitivities
-from identification.mismatch.search import LEVEL, Progress, Search, search
+from identification.mismatch.search import LEVEL, Progress, Search, Step, along_track, search
 from identification.mismatch.shapes import Shape, likeness
 from identification.mismatch.spatial import periods
 from identification.mismatch.split import Split, split_recordings
@@ -101,6 +101,21 @@ def _read(recordings: Any) -> list[Recording]:
     return list(read_recordings(items))
 
 
+@dataclass(frozen=True, eq=False)
+class _Proof:
+    """A finding, and the drive refitted without it against the drive with all, in rms [mm/s]."""
+
+    step: Step
+    before: float
+    after: float
+    share: float
+
+    @property
+    def gain(self) -> float:
+        """Share of the squared error on recordings kept away."""
+        return 1.0 - (self.after / self.before) ** 2
+
+
 class _Diagnosing:
     """One diagnosis on its way."""
 
@@ -143,15 +158,15 @@ class _Diagnosing:
         )
         shape, alike = self.unnamed(found)
         say("proving on recordings kept away")
-        ladder, found = self.proven(found)
-        fits = velocity_fits(ladder[0], ladder[-1], split.learn, self.runs, self.pool, held_out=False)
-        fits += velocity_fits(ladder[0], ladder[-1], split.prove, self.runs, self.pool, held_out=True)
-        before, after = Drive(ladder[0], name="free fit"), Drive(ladder[-1], name="diagnosed drive")
+        proofs, before_values, after_values = self.proven(found)
+        fits = velocity_fits(before_values, after_values, split.learn, self.runs, self.pool, held_out=False)
+        fits += velocity_fits(before_values, after_values, split.prove, self.runs, self.pool, held_out=True)
+        before, after = Drive(before_values, name="free fit"), Drive(after_values, name="diagnosed drive")
         fits += loop_fits(before, after, split.loops)
         proof = total(fits, held_out=True) if split.prove else total(fits)
         say("fitting all recordings")
-        drive = self.final(ladder[-1], found)
-        findings = self.findings(found, ladder, drive)
+        drive = self.final(after_values, [p.step for p in proofs])
+        findings = self.findings(proofs, drive)
         unnamed = self.rhythm(found) if shape is None else self.describe(shape, alike)
         return Diagnosis(
             verdict=_verdict(findings, unnamed, proof),
@@ -175,7 +190,7 @@ class _Diagnosing:
             maps=tuple(maps),
             harmonics=tuple(harmonics(forces, split.learn)),
             forces=tuple(forces),
-            remaining=tuple(draw_maps(self.forces(ladder[-1], split.learn))),
+            remaining=tuple(draw_maps(self.forces(after_values, split.learn))),
             friction_spread=self.bench.spread.get("friction", 0.0),
         )
 
@@ -203,44 +218,53 @@ class _Diagnosing:
         acts = f"{line.frequency:.3g} Hz whatever the command: a disturbance from outside"
         return Unnamed(line.where, line.share, acts, ())
 
-    def ladder(self, found: Search) -> list[Mapping[str, float]]:
-        """Return the models fitted to what was learnt from: the free fit, then with each finding added."""
-        bench = self.bench
-        kept = bench.offsets
-        bench.offsets = np.zeros(len(bench.runs))
-        rungs = [polished(bench, dict(self.free.drive.values), self.names)]
+    def fitted(self, found: Search, steps: Sequence[Step], start: Mapping[str, float]) -> Mapping[str, float]:
+        """Return the drive with these findings, fitted to what was learnt from."""
         names = list(self.names)
-        values = dict(rungs[0])
-        for step in found.findings:
+        values = {k: start.get(k, self.free.drive.values.get(k, 0.0)) for k in self.names}
+        offsets = np.zeros(len(self.bench.runs))
+        for step in steps:
             keys = [k for k in step.rival.candidate.keys if k in step.rival.fit.names]
             names += keys
+            values |= {k: start.get(k, found.model.values[k]) for k in keys}
             if step.rival.candidate.period is not None:
-                bench.offsets = kept
-            values = dict(polished(bench, {**values, **{k: found.model.values[k] for k in keys}}, names))
-            rungs.append(values)
-        bench.offsets = kept
-        return rungs
+                offsets = step.rival.offsets
+        kept, self.bench.offsets = self.bench.offsets, offsets
+        values = dict(polished(self.bench, values, names))
+        self.bench.offsets = kept
+        return values
 
-    def proven(self, found: Search) -> tuple[list[Mapping[str, float]], Search]:
-        """Return the ladder of models, without findings that do not hold on recordings that were kept away."""
-        kept = self.split.prove or self.split.learn
+    def proven(self, found: Search) -> tuple[list[_Proof], Mapping[str, float], Mapping[str, float]]:
+        """Return the findings that hold on recordings kept away, the free drive and the diagnosed one.
+
+        A finding holds if the drive with all findings predicts those recordings better than the drive refitted without it.
+        """
+        free = self.fitted(found, (), {})
+        steps = list(found.findings)
         while True:
-            ladder = self.ladder(found)
-            failed = []
-            for step, low, high in zip(found.findings, ladder, ladder[1:], strict=False):
-                before, after, _ = total(velocity_fits(low, high, kept, self.runs, self.pool, held_out=True))
-                if after**2 > (1.0 - _LEAST_PROOF) * before**2:
-                    failed.append(step)
-            if not failed:
-                return ladder, found
-            found = replace(found, steps=tuple(s for s in found.steps if s is not failed[-1]))
+            everything = self.fitted(found, steps, found.model.values) if steps else free
+            proofs = []
+            for step in steps:
+                others = [s for s in steps if s is not step]
+                without = self.fitted(found, others, found.model.values) if others else free
+                proofs.append(self.proof(step, without, everything))
+            worst = min(proofs, key=lambda p: p.gain, default=None)
+            if worst is None or worst.gain > _LEAST_PROOF:
+                return proofs, free, everything
+            steps.remove(worst.step)
 
-    def final(self, values: Mapping[str, float], found: Search) -> Drive:
+    def proof(self, step: Step, without: Mapping[str, float], everything: Mapping[str, float]) -> _Proof:
+        kept = self.split.prove or self.split.learn
+        before, after, _ = total(velocity_fits(without, everything, kept, self.runs, self.pool, held_out=True))
+        low, high, _ = total(velocity_fits(without, everything, self.split.learn, self.runs, self.pool, held_out=False))
+        return _Proof(step, before, after, 1.0 - (high / low) ** 2)
+
+    def final(self, values: Mapping[str, float], steps: Sequence[Step]) -> Drive:
         """Return the drive fitted to all open-loop recordings, with intervals from the spread between recordings."""
         runs = (*self.split.learn, *self.split.prove)
         bench = Workbench([prepare(r) for r in runs], self.pool)
         bench.offsets = place(values, runs, self.pool)
-        names = [*self.names, *(k for s in found.findings for k in s.rival.candidate.keys if k in s.rival.fit.names)]
+        names = [*self.names, *(k for s in steps for k in s.rival.candidate.keys if k in s.rival.fit.names)]
         values = polished(bench, values, names)
         c = Coordinates(names, values)
         raw = bench.residual(values)
@@ -256,23 +280,19 @@ class _Diagnosing:
             {**rig, **values},
             intervals,
             Covariance(tuple(names), covariance * np.outer(gain, gain)),
-            Provenance("diagnosis", tuple(r.name for r in runs), __version__, "; ".join(s.rival.name[0] for s in found.findings)),
+            Provenance("diagnosis", tuple(r.name for r in runs), __version__, "; ".join(s.rival.name[0] for s in steps)),
             name="diagnosed drive",
         )
 
-    def findings(self, found: Search, ladder: Sequence[Mapping[str, float]], drive: Drive) -> tuple[Finding, ...]:
+    def findings(self, proofs: Sequence[_Proof], drive: Drive) -> tuple[Finding, ...]:
         result = []
-        kept = self.split.prove or self.split.learn
-        for i, step in enumerate(found.findings):
+        for proof in proofs:
+            step = proof.step
             keys = [k for k in step.rival.candidate.keys if k in step.rival.fit.names]
             parameters = {
                 short(k): Estimate(drive[k], drive.intervals.get(k, (float("nan"), float("nan"))), unit_of(k)) for k in keys
             }
-            fits = velocity_fits(ladder[i], ladder[i + 1], kept, self.runs, self.pool, held_out=True)
-            before, after, _ = total(fits)
             ties = tuple(Named(*t) for t in step.ties)
-            share = 1.0 - (step.rms_after / step.rms_before) ** 2
-            share = max(share, step.rival.gain)
             id_, where = step.rival.name
             result.append(
                 Finding(
@@ -281,12 +301,12 @@ class _Diagnosing:
                     parameters,
                     ties,
                     experiment_for(id_) or None if ties else None,
-                    share,
+                    proof.share,
                     step.probability,
-                    before,
-                    after,
+                    proof.before,
+                    proof.after,
                     "mm/s",
-                    statement(id_, where, parameters, share, step.probability, ties),
+                    statement(id_, where, parameters, proof.share, step.probability, ties),
                 )
             )
         return tuple(sorted(result, key=lambda f: -f.share_of_error_explained))
@@ -295,9 +315,9 @@ class _Diagnosing:
         notes = list(self.free.notes)
         rough = [s for s in found.steps if s.roughness]
         if rough:
-            size = max(float(np.hypot(*(s.rival.fit.values.get(f"position_friction.{s.rival.name[1]}.{a}", 0.0) for a in ("a_sin", "a_cos")))) for s in rough)
+            size = max(along_track(s.rival.fit.values, s.rival.name[1]) for s in rough)
             notes.append(
-                f"friction varies along the track by about ±{size:.2g} V ({size / self.level:.1%} of the drive): the roughness "
+                f"friction varies along the track by {size:.2g} V rms ({size / self.level:.1%} of the drive): the roughness "
                 "of every track, not counted as a finding"
             )
         if self.bench.spread:

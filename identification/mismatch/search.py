@@ -26,11 +26,14 @@ from identification.mismatch.workbench import FRICTION, OFFSET, Workbench
 
 Progress = Callable[[str], None]
 # a finding must be rarer than this by chance, and explain at least this share of the remaining squared error
-LEVEL, LEAST_GAIN = 0.01, 0.04
+LEVEL, LEAST_GAIN = 0.01, 0.03
 # rivals closer than this in gain, or not plainly worse in the paired recordings, are ties
 TIE_LEVEL, TIE_GAIN = 0.05, 0.85
-# friction along the track below this share of the drive is the roughness that every rig has
-ROUGHNESS = 0.02
+# friction along the track whose rms is below this share of the drive is the roughness that every rig has
+ROUGHNESS = 0.012
+WAY_MM = 100.0
+# friction along the track is taken out from this gain on, and is a finding from this one on
+TRACK_GAIN, TRACK_FINDING = 0.15, 0.4
 MOST_EFFECTS = 5
 _BATCH = 48
 _REFITS = 7
@@ -197,17 +200,17 @@ def search(
         if len(stages) == 1:
             say("free shapes")
             shapes_found = first_shapes = _shapes(bench, now)
-        if not now.rivals or not _passes(now.rivals[0]) or len(steps) >= MOST_EFFECTS + 2:
+        best = _choose(now, drive_level)
+        if best is None or len(steps) >= MOST_EFFECTS + 2:
             break
-        best = now.rivals[0]
         rough = _roughness(best, drive_level)
         if len([s for s in steps if not s.roughness]) >= MOST_EFFECTS and not rough:
             break
         before = rms(bench, model.values)
         bench.offsets = best.offsets
         model = settle(bench, best.fit.values, best.fit.names)
-        ties = () if rough else tuple(r.name for r in now.rivals[1:] if _ties(r, best) and not _roughness(r, drive_level))
-        steps.append(Step(best, ties[:3], now.probability, before, rms(bench, model.values), rough))
+        ties = () if rough else tuple(r.name for r in now.rivals if r is not best and _ties(r, best))
+        steps.append(Step(best, ties[:3], best.probability, before, rms(bench, model.values), rough))
         say(f"{'rough track' if rough else 'found'}: {best.name[0]} at {best.name[1]}")
     if len(stages) > 1:
         say("free shapes")
@@ -222,15 +225,39 @@ def _shapes(bench: Workbench, stage: Stage) -> tuple[Shape, ...]:
     return tuple(replace(s, probability=luck.probability(s.screened.candidate.name, s.gain)) for s in shapes)
 
 
+def _choose(now: Stage, drive_level: float) -> Rival | None:
+    """Return what to take up: the best that chance would not reach, or else friction along the track.
+
+    Every track is rough, so chance makes friction along the track, and its gain proves nothing; its size against the drive
+    decides whether it is a finding. Taken out either way, it no longer hides the rest.
+    """
+    if not now.rivals:
+        return None
+    best = now.rivals[0] if _passes(now.rivals[0]) else None
+    track = [r for r in now.rivals if r.candidate.id == "position_friction" and r.gain >= TRACK_GAIN]
+    along = max(track, key=lambda r: r.gain, default=None)
+    if along is None or (best is not None and best.gain > 0.7 * along.gain):
+        return best
+    if not _roughness(along, drive_level) and along.gain < TRACK_FINDING:
+        return best
+    return along
+
+
 def _ties(rival: Rival, best: Rival) -> bool:
     return rival.gain > 0.5 * best.gain and (rival.behind > TIE_LEVEL or rival.gain > (1.0 - 0.02) * best.gain)
+
+
+def along_track(values: Mapping[str, float], where: str) -> float:
+    """Return the rms variation of a cart's friction over the way that recordings usually take [V]."""
+    key = f"position_friction.{where}."
+    wave = np.hypot(values.get(key + "a_sin", 0.0), values.get(key + "a_cos", 0.0))
+    return float(np.hypot(wave / np.sqrt(2.0), values.get(key + "slope", 0.0) * WAY_MM / np.sqrt(12.0)))
 
 
 def _roughness(rival: Rival, drive_level: float) -> bool:
     if rival.candidate.id != "position_friction":
         return False
-    size = np.hypot(*(rival.fit.values.get(f"position_friction.{rival.candidate.where}.{n}", 0.0) for n in ("a_sin", "a_cos")))
-    return bool(size < ROUGHNESS * drive_level)
+    return along_track(rival.fit.values, rival.candidate.where) < ROUGHNESS * drive_level
 
 
 def rms(bench: Workbench, values: Mapping[str, float]) -> float:

@@ -52,11 +52,11 @@ class Finding:
     separating_experiment
         What to record to tell them apart; ``None`` without ties.
     share_of_error_explained
-        Share of the squared error of the stage before that the effect removed, in the recordings that were learnt from.
+        Share of the squared error that adding the effect to all others removes, in the recordings learnt from.
     false_alarm_probability
         Chance that an error of the same colour, unrelated to the catalogue, would be explained as well.
     heldout_rms_before, heldout_rms_after
-        Over the recordings kept away [unit]; nan where none were.
+        Over the recordings kept away [unit]: with all other findings, and with this one too.
     statement
         One plain sentence.
     """
@@ -248,7 +248,7 @@ def statement(
     """Return the finding's plain sentence: what, where, how big, how sure, what it explains."""
     sizes = ", ".join(f"{n} = {e}" for n, e in parameters.items())
     text = (
-        f"{_phrase(id_)} at {where.replace('_', ' ')}: {sizes}; explains {share:.0%} of the squared error left before it, "
+        f"{_phrase(id_)} at {where.replace('_', ' ')}: {sizes}; explains {share:.0%} of the squared error that remains without it, "
         f"false-alarm probability {probability:.2g}"
     )
     if ties:
