@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from baselines.blind.rig import SAMPLE_S, quiet, run
 from baselines.blind.sizes import SIZES
 
 Numbers = dict[str, float]
@@ -89,9 +90,22 @@ def _drift(_c: int) -> Make:
     }
 
 
-def _hardening(rng: np.random.Generator, _d: Mapping[str, float], s: float) -> Numbers:
-    # (bend·δ)²/6 is the relative change of stiffness
-    return {"bend": _sign(rng) * 0.05 * math.sqrt(s)}
+def reach(drive: Mapping[str, float]) -> float:
+    """Return how far the spring is deflected by 2.5 V sines around its resonance, abs(δ) [mm].
+
+    It differs sixfold between drives, and with it all that depends on large deflections.
+    """
+    t = np.arange(4000) * SAMPLE_S
+    most = 0.0
+    for frequency in (2.5, 3.0, 3.5, 4.0):
+        x1, _v1, x2, _v2 = run(drive, quiet(len(t)), 2.5 * np.sin(2.0 * np.pi * frequency * t)).states
+        most = max(most, float(np.max(np.abs(x1 - x2)[2000:])))
+    return most
+
+
+def _hardening(rng: np.random.Generator, d: Mapping[str, float], s: float) -> Numbers:
+    # (bend·δ)²/6 is the relative change of stiffness, 10 % at the largest deflection
+    return {"bend": _sign(rng) * math.sqrt(0.6 * s) / reach(d)}
 
 
 def _asymmetric(rng: np.random.Generator, _d: Mapping[str, float], s: float) -> Numbers:
@@ -103,8 +117,8 @@ def _backlash(_r: np.random.Generator, _d: Mapping[str, float], s: float) -> Num
 
 
 def _bind(_r: np.random.Generator, d: Mapping[str, float], s: float) -> Numbers:
-    # what a slow 2.5 V sine deflects is friction of cart 2 over k; the resonance deflects four times that and more
-    return {"bind_at": max(3.0, 0.9 / d["k"]), "bind_k": 0.3 * d["k"] * s}
+    at, beyond = 0.6 * reach(d), 0.4 * reach(d)
+    return {"bind_at": at, "bind_k": 0.2 * d["k"] * s / math.sqrt(beyond)}
 
 
 def _damper(_r: np.random.Generator, _d: Mapping[str, float], s: float) -> Numbers:
@@ -112,7 +126,7 @@ def _damper(_r: np.random.Generator, _d: Mapping[str, float], s: float) -> Numbe
 
 
 def _hysteresis(rng: np.random.Generator, d: Mapping[str, float], s: float) -> Numbers:
-    return {"slip_k": 0.25 * d["k"] * s, "slip_at": rng.uniform(2.0, 5.0)}
+    return {"slip_k": 0.25 * d["k"] * s, "slip_at": rng.uniform(0.15, 0.4) * reach(d)}
 
 
 def _dead_zone(_r: np.random.Generator, _d: Mapping[str, float], s: float) -> Numbers:

@@ -40,7 +40,7 @@ def place_faults(speeds: Mapping[str, FloatArray], count: int, rng: np.random.Ge
             continue
         if any(f.recording == name for f in faults):
             continue
-        how = ("frozen", "frozen", "frozen", "caught_up", "lost")[int(rng.integers(5))]
+        how = "lost" if rng.random() < 0.25 else "frozen"
         start, end = first * SAMPLE_S, (first + length) * SAMPLE_S
         faults.append(Fault(name, f"encoder_{cart + 1}", round(start, 3), round(end, 3), how))
     return tuple(faults)
@@ -53,13 +53,10 @@ def broken(counts: FloatArray, fault: Fault, rng: np.random.Generator) -> FloatA
     result = counts.copy()
     steps = np.diff(counts[row], prepend=0.0)
     inside = slice(first, last)
-    missed = steps[inside].sum()
     if fault.how == "lost":
         # most pulses are missed, in bursts
         steps[inside] *= np.repeat(rng.random((last - first) // 4 + 1) < 0.25, 4)[: last - first]
     else:
         steps[inside] = 0.0
-        if fault.how == "caught_up":
-            steps[last] += missed
     result[row] = np.cumsum(steps)
     return result

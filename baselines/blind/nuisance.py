@@ -67,15 +67,15 @@ class Nuisance:
 
 def draw_nuisance(rng: np.random.Generator) -> Nuisance:
     """Draw a day: most as quiet as the quieter of the two recorded rigs, some about twice as rough."""
-    level = float(np.clip(np.exp(rng.normal(0.12, 0.3)), 0.7, 2.0))
+    level = float(np.clip(np.exp(rng.normal(0.25, 0.25)), 0.8, 2.0))
     return Nuisance(
         between_runs=0.06 * level * float(rng.uniform(0.7, 1.3)),
-        within_run=0.035 * level * float(rng.uniform(0.6, 1.4)),
+        within_run=0.04 * level * float(rng.uniform(0.6, 1.4)),
         memory=float(rng.uniform(0.3, 2.0)),
         rough=0.07 * level * float(rng.uniform(0.6, 1.4)),
         hills=0.014 * level * float(rng.uniform(0.6, 1.4)),
         grain=float(rng.uniform(2.0, 8.0)),
-        noise=0.032 * level * float(rng.uniform(0.7, 1.3)),
+        noise=0.04 * level * float(rng.uniform(0.7, 1.3)),
         place=25.0,
     )
 

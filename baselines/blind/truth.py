@@ -53,8 +53,8 @@ class Effect:
 class Fault:
     """A failure of an encoder in one recording.
 
-    ``how`` is ``frozen`` (counts are lost while it stands), ``caught_up`` (frozen, then all counts at once) or ``lost``
-    (a share of the counts is lost).
+    ``how`` is ``frozen`` (every count is lost while it stands) or ``lost`` (most are, in bursts). Either way the position
+    is offset ever after.
     """
 
     recording: str
