@@ -1,7 +1,7 @@
 """What a rig may conceal: makers of the catalogue's effects and of effects that are in nobody's catalogue.
 
 A maker turns a strength into numbers; strength 1 times :func:`size_one` is "plainly present" (see ``calibrate.py``).
-Numbers named in :mod:`baselines.blind.layout` go to the rig's kernel, the others to the tables of
+Numbers named in :mod:`baselines.blind.kernel` go to the rig's kernel, the others to the tables of
 :mod:`baselines.blind.ingredients`.
 """
 
@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from baselines.blind.rig import SAMPLE_S, quiet, run
+from baselines.blind.kernel import SAMPLE_S
+from baselines.blind.rig import quiet, run
 from baselines.blind.sizes import SIZES
 
 Numbers = dict[str, float]
@@ -275,7 +276,11 @@ def _impacts(rng: np.random.Generator, _d: Mapping[str, float], s: float) -> Num
 
 def _stop(rng: np.random.Generator, _d: Mapping[str, float], s: float) -> Numbers:
     # a rubber bumper on one side
-    return {"bumper": 0.01 * s, "bumper_at": _sign(rng) * rng.uniform(5.0, 25.0), "bumper_cart": float(rng.integers(1, 3))}
+    return {
+        "bumper": 0.01 * s,
+        "bumper_at": _sign(rng) * rng.uniform(5.0, 25.0),
+        "bumper_cart": float(rng.integers(1, 3)),
+    }
 
 
 def _young(rng: np.random.Generator, _d: Mapping[str, float], s: float) -> Numbers:

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from baselines.blind.layout import FloatArray
-from baselines.blind.rig import SAMPLE_S
+from baselines.blind.kernel import SAMPLE_S, FloatArray
 from baselines.blind.truth import Fault
 
 SHORTEST_S, LONGEST_S = 0.02, 0.4
@@ -27,7 +26,8 @@ def place_faults(speeds: Mapping[str, FloatArray], count: int, rng: np.random.Ge
     rng
         Source of randomness.
     """
-    names, faults = sorted(speeds), []
+    names = sorted(speeds)
+    faults: list[Fault] = []
     for _ in range(1000 * count):
         if len(faults) == count:
             break

@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from baselines.blind.layout import NULLS, FloatArray
-from baselines.blind.rig import (
+from baselines.blind.kernel import (
     FORCE_1,
     FORCE_2,
     FRICTION_1,
@@ -16,6 +15,7 @@ from baselines.blind.rig import (
     GAIN,
     HILL_1,
     HILL_2,
+    NULLS,
     ROUGH_1,
     ROUGH_2,
     SAMPLE_S,
@@ -23,20 +23,17 @@ from baselines.blind.rig import (
     TRACK_POINTS,
     VISCOUS_1,
     VISCOUS_2,
-    Surroundings,
+    FloatArray,
 )
+from baselines.blind.rig import Surroundings
 from baselines.blind.truth import Effect, Truth
 
 
 def rig_values(truth: Truth) -> dict[str, float]:
     """Return the numbers for the kernel: the drive's, and those of its effects."""
-    values = dict(truth.drive)
-    for effect in truth.effects:
-        for name, value in effect.parameters.items():
-            if name in NULLS:
-                # two effects may share a number (a motor behind a gap, say); the later one then rules
-                values[name] = value
-    return values
+    # two effects may share a number (a motor behind a gap and behind a belt, say); the later one then rules
+    concealed = {n: v for effect in truth.effects for n, v in effect.parameters.items() if n in NULLS}
+    return {**truth.drive, **concealed}
 
 
 def _place() -> FloatArray:
@@ -87,7 +84,7 @@ def over_time(surroundings: Surroundings, truth: Truth, order: int, rng: np.rand
         For what is random in an effect.
     """
     table = surroundings.over_time.copy()
-    t = np.arange(table.shape[1]) * SAMPLE_S
+    t: FloatArray = np.arange(table.shape[1], dtype=np.float64) * SAMPLE_S
     for effect in truth.effects:
         q = effect.parameters
         if "day" in q:
@@ -106,7 +103,9 @@ def over_time(surroundings: Surroundings, truth: Truth, order: int, rng: np.rand
 def _outside(table: FloatArray, t: FloatArray, q: Mapping[str, float], rng: np.random.Generator) -> None:
     if "shake" in q:
         phase = float(rng.uniform(0.0, 2.0 * np.pi))
-        table[FORCE_1 if q["shake_on"] == 1.0 else FORCE_2] += q["shake"] * np.sin(2.0 * np.pi * q["shake_hz"] * t + phase)
+        table[FORCE_1 if q["shake_on"] == 1.0 else FORCE_2] += q["shake"] * np.sin(
+            2.0 * np.pi * q["shake_hz"] * t + phase
+        )
     if "blow" in q:
         for _ in range(int(rng.poisson(q["blows_hz"] * t[-1]))):
             at, side = float(rng.uniform(0.0, t[-1])), 1.0 if rng.random() < 0.5 else -1.0

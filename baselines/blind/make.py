@@ -51,7 +51,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m baselines.blind.make", description=__doc__)
     parser.add_argument("--seed", type=int, required=True, help="everything follows from it")
     parser.add_argument("--kind", choices=KINDS, help="drawn by the documented mixture if not given")
-    parser.add_argument("-o", "--output", type=Path, required=True, help="folder of the recordings, and of nothing else")
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, help="folder of the recordings, and of nothing else"
+    )
     parser.add_argument("--truth", type=Path, required=True, help="file of the sealed truth, outside that folder")
     parser.add_argument("--size", type=float, help="size of the effects, 1 is plainly present")
     parser.add_argument("--effect", metavar="ID@WHERE", help="for development: conceal this one")

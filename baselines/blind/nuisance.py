@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from baselines.blind.layout import FloatArray
-from baselines.blind.rig import (
+from baselines.blind.kernel import (
     FORCE_1,
     FORCE_2,
     FRICTION_1,
@@ -27,8 +26,9 @@ from baselines.blind.rig import (
     TRACK_STEP_MM,
     VISCOUS_1,
     VISCOUS_2,
-    Surroundings,
+    FloatArray,
 )
+from baselines.blind.rig import Surroundings
 
 NOISE_BAND_HZ = 50.0
 

@@ -13,9 +13,9 @@ import numpy as np
 
 from baselines.blind.faults import broken, place_faults
 from baselines.blind.ingredients import along_the_track, over_time, rig_values
-from baselines.blind.layout import FloatArray
+from baselines.blind.kernel import COUNT_MM, SAMPLE_S, FloatArray
 from baselines.blind.nuisance import surroundings_of, track_of
-from baselines.blind.rig import COUNT_MM, SAMPLE_S, run
+from baselines.blind.rig import run
 from baselines.blind.truth import Truth
 
 FREQUENCIES_HZ = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 8.0, 12.0, 16.0, 20.0)
@@ -75,7 +75,7 @@ def trajectory(t: FloatArray) -> FloatArray:
 def command(experiment: Experiment) -> FloatArray:
     """Return u [V], or xr [mm] of the P-control run, at every sample."""
     seconds = CLOSED_LOOP_S if experiment.kind == "p_control" else OPEN_LOOP_S
-    t = np.arange(round(seconds / SAMPLE_S) + 1) * SAMPLE_S
+    t: FloatArray = np.arange(round(seconds / SAMPLE_S) + 1, dtype=np.float64) * SAMPLE_S
     if experiment.kind == "p_control":
         return trajectory(t)
     cycles = t * experiment.frequency
@@ -133,20 +133,22 @@ def as_text(log: Log, rectified: tuple[bool, bool] = (False, False)) -> str:
     t = np.arange(len(log.u)) * SAMPLE_S
     if log.xr is not None:
         x = log.counts * COUNT_MM
-        head, form = "t_s,u_V,xr_mm,x1_mm,x2_mm", ("%.3f", "%.6g", "%.5f", "%.4f", "%.4f")
+        head, line = "t_s,u_V,xr_mm,x1_mm,x2_mm", "%.3f,%.6g,%.5f,%.4f,%.4f"
         columns = [t, log.u, log.xr, x[0], x[1]]
     else:
         v = velocities(log.counts)
-        head, form = "t_s,u_V,v1_mm_s,v2_mm_s", ("%.3f", "%.6g", "%.4f", "%.4f")
+        head, line = "t_s,u_V,v1_mm_s,v2_mm_s", "%.3f,%.6g,%.4f,%.4f"
         columns = [t, log.u, *(np.abs(v[i]) if rectified[i] else v[i] for i in range(2))]
-    line = ",".join(form)
-    rows = [line % row for row in zip(*(c.tolist() for c in (column + 0.0 for column in columns)), strict=True)]
+    # adding zero makes a negative zero positive
+    rows = [line % row for row in zip(*((column + 0.0).tolist() for column in columns), strict=True)]
     return "\n".join([head, *rows]) + "\n"
 
 
 def write_day(truth: Truth, logs: tuple[Log, ...], folder: Path) -> None:
     """Write the recordings of a day, and nothing else, into a folder."""
-    rectified = tuple(any(e.id == "rectified_sensor" and e.where == w for e in truth.effects) for w in ("encoder_1", "encoder_2"))
+    rectified = tuple(
+        any(e.id == "rectified_sensor" and e.where == w for e in truth.effects) for w in ("encoder_1", "encoder_2")
+    )
     for log in logs:
         # no time of making inside, so that a day made again is the same to the last bit
         data = gzip.compress(as_text(log, (rectified[0], rectified[1])).encode(), 6, mtime=0)

@@ -112,14 +112,13 @@ def draw_drive(rng: np.random.Generator) -> dict[str, float]:
             alpha, beta, gamma = rng.uniform(0.3, 0.8), rng.uniform(0.1, 0.6), rng.uniform(0.1, 0.8)
             if pick > 0.85:
                 alpha, beta, gamma = 0.54, 0.1, 0.1
-            drive = dict(m1=m1, m2=alpha * m1, b1=b1, b2=beta * b1, k=rng.uniform(0.07, 0.13), d1=d1, d2=gamma * d1)
+            drive = {"m1": m1, "m2": alpha * m1, "b1": b1, "b2": beta * b1, "d1": d1, "d2": gamma * d1}
+            drive["k"] = rng.uniform(0.07, 0.13)
         if drive["d1"] + drive["d2"] <= _MOST_FRICTION_V:
             return {name: float(f"{value:.5g}") for name, value in drive.items()}
 
 
-def make_effect(
-    rng: np.random.Generator, maker: Maker, drive: Mapping[str, float], size: float
-) -> Effect:
+def make_effect(rng: np.random.Generator, maker: Maker, drive: Mapping[str, float], size: float) -> Effect:
     """Return an effect of a size, its free numbers (periods, phases, signs) drawn."""
     numbers = maker.make(rng, drive, size * size_one(maker))
     return Effect(maker.id, maker.where, {n: float(f"{v:.6g}") for n, v in numbers.items()}, size)

@@ -7,9 +7,9 @@ import sys
 import numpy as np
 import pytest
 
-from baselines.blind.layout import vector
+from baselines.blind.kernel import COUNT_MM, _stack, vector
 from baselines.blind.recordings import trajectory
-from baselines.blind.rig import COUNT_MM, Surroundings, quiet, run
+from baselines.blind.rig import Surroundings, quiet, run
 
 VALUES = {"m1": 7.6e-4, "m2": 3.4e-4, "b1": 9.5e-3, "b2": 3.2e-3, "k": 0.096, "d1": 0.36, "d2": 0.25}
 T = np.arange(4001) * 1e-3
@@ -37,7 +37,7 @@ def test_the_generator_stands_alone():
         "foreign = [m for m in sys.modules if m.split('.')[0] in ('flexdrive_gym', 'identification', 'gymnasium')]\n"
         "assert not foreign, foreign"
     )
-    subprocess.run([sys.executable, "-c", code], check=True)  # noqa: S603
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 @pytest.mark.parametrize(
@@ -171,10 +171,7 @@ def test_play_holds_the_reading_until_it_is_crossed():
     assert np.ptp(y[top : crossed + 60]) > 1e-1
 
 
-
-
 def test_the_spring_loses_per_cycle_what_its_sliders_say():
-    from baselines.blind.rig import _stack
 
     p = vector({**VALUES, "slip_k": 0.02, "slip_at": 2.0})
 
