@@ -289,7 +289,7 @@ def _young(rng: np.random.Generator, _d: Mapping[str, float], s: float) -> Numbe
 
 
 def _belt(rng: np.random.Generator, _d: Mapping[str, float], s: float) -> Numbers:
-    return {"rotor": rng.uniform(0.35, 0.55), "belt": 1.9 / s**0.5}
+    return {"rotor": rng.uniform(0.35, 0.55), "belt": max(0.8, 2.25 - 0.35 * s)}
 
 
 def _push(_r: np.random.Generator, _d: Mapping[str, float], s: float) -> Numbers:
