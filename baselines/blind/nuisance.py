@@ -1,8 +1,8 @@
 """What differs from run to run and from place to place on a real rig, and is nobody's left-out physics.
 
-The levels are those of two recorded rigs: friction identified from replicates differs by 7 % (one standard deviation)
-between runs of one amplitude, and what does not repeat between the periods of a run is 2.9 mm/s, encoder counts
-included, where the counts alone make about 2.1 mm/s.
+The levels are those of two recorded rigs (``python -m benchmarks blind_nuisance``): what does not repeat is 2.9 mm/s on the
+quieter one, 7.5 mm/s on the other, encoder counts included, where the counts alone make about 2.1 mm/s; dry friction differs
+by some 7 % (one standard deviation) between runs of one amplitude, more where the rig warmed up.
 """
 
 from __future__ import annotations
