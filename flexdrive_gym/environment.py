@@ -76,34 +76,25 @@ class FlexDriveEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         self.action_space = action_space()
         self.observation_space = observation_space(self._fleet)
         self._state = self._fleet.state[:, 0]
-        self._observed = self._fleet.observation[0]
         # reading and writing single numbers through memoryviews takes a third of the time that array indexing takes
         fleet: Any = self._fleet
         self._actions: Any = memoryview(fleet.actions)
-        self._reward: Any = memoryview(fleet.reward)
-        self._terminated: Any = memoryview(fleet.terminated)
-        self._truncated: Any = memoryview(fleet.truncated)
-        self._call = (0, 1, self._fleet.sizes, self._fleet.addresses, self._fleet.z)
         self._renderer: Renderer | None = None
         self._seeded = False
 
     def __getstate__(self) -> dict[str, Any]:
         kept = {k: v for k, v in self.__dict__.items() if k not in _REBUILT}
-        arrays = {k: getattr(self._fleet, k).copy() for k in _KEPT}
-        row, memory = self._fleet.arrays["row"].copy(), self._fleet.arrays["memory"].copy()
-        z = None if self._fleet.z is None else self._fleet.z.copy()
-        return {**kept, "_saved": (arrays, row, memory, z, self._fleet.arrays["tables"].copy())}
+        arrays = {k: self._fleet.arrays[k].copy() for k in _KEPT}
+        return {**kept, "_saved": (arrays, None if self._fleet.z is None else self._fleet.z.copy())}
 
     def __setstate__(self, saved: dict[str, Any]) -> None:
-        arrays, row, memory, z, tables = saved.pop("_saved")
+        arrays, z = saved.pop("_saved")
         self.__dict__.update(saved)
         seeded = self._seeded
         self._build()
         self._seeded = seeded
         for name, values in arrays.items():
-            getattr(self._fleet, name)[...] = values
-        self._fleet.arrays["row"][...], self._fleet.arrays["memory"][...] = row, memory
-        self._fleet.arrays["tables"][...] = tables
+            self._fleet.arrays[name][...] = values
         if z is not None and self._fleet.z is not None:
             self._fleet.z[...] = z
 
@@ -146,7 +137,7 @@ class FlexDriveEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             if self._renderer is not None:
                 self._renderer.reset()
             self._record()
-        return self._observed.copy(), self._info()
+        return self._fleet.outputs.observation[0].copy(), self._info()
 
     def step(self, action: npt.NDArray[np.float32]) -> tuple[Observation, float, bool, bool, Info]:
         """Hold a command for one control period.
@@ -157,10 +148,11 @@ class FlexDriveEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             Command over the voltage limit; clipped to [-1, 1].
         """
         self._actions[0] = float(action[0])
-        kernels.step_fleet(*self._call)
+        self._fleet.step()
+        out = self._fleet.outputs
         if self.render_mode is not None:
             self._record()
-        return self._observed.copy(), self._reward[0], self._terminated[0], self._truncated[0], self._info()
+        return out.observation[0].copy(), float(out.reward[0]), bool(out.terminated[0]), bool(out.truncated[0]), self._info()
 
     def _info(self) -> Info:
         # written out because this is the longest part of a step otherwise; a test holds it to KEYS
@@ -218,7 +210,5 @@ class FlexDriveEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             self._renderer = None
 
 
-_REBUILT = {
-    "_fleet", "_state", "_call", "_renderer", "_observed", "_actions", "_reward", "_terminated", "_truncated"
-}  # fmt: skip
-_KEPT = ("actions", "state", "clock", "seeds", "p", "observation", "reward", "terminated", "truncated")
+_REBUILT = {"_fleet", "_state", "_renderer", "_actions"}
+_KEPT = ("actions", "state", "clock", "seeds", "p", "row", "memory", "tables", "decays", "line")

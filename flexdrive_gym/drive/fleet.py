@@ -1,12 +1,7 @@
-"""Many drives in one compiled call: the kernel behind the single and the batched environment.
+"""Many drives in one compiled call: the kernels behind the single and the batched environment.
 
-A *fleet* keeps one column of ``state`` per drive. Its physics is :mod:`flexdrive_gym.drive.step`; nothing is integrated
-here. Drives whose carts both slide through a whole step are advanced side by side by the step's table, which the compiler
-vectorises; a drive whose friction changes direction, sticks or tears loose within the step goes through the step's events.
-Vector and scalar arithmetic round alike, so a drive behaves the same to the last bit whether it is alone or one of
-thousands.
-
-The kernels get the addresses of a :class:`Fleet`'s arrays in one array, so that a call for a single drive is cheap.
+Nothing is integrated here: :mod:`~flexdrive_gym.drive.lanes` does that, :mod:`~flexdrive_gym.drive.sensing` the rest of a
+control period, and :mod:`~flexdrive_gym.drive.layout` says where everything is.
 """
 
 from __future__ import annotations
@@ -26,477 +21,213 @@ from flexdrive_gym.drive.compilation import (
     shifted,
     singles_at,
 )
-from flexdrive_gym.drive.effects import N_BASE_PARAMETERS, N_PARAMETERS, N_STATES
-from flexdrive_gym.drive.forces import W2, level_1, level_2, limited, margin_2, readings
-from flexdrive_gym.drive.sample import CUTOFF_1, CUTOFF_2, MEMORY, advance, decay, velocity
-from flexdrive_gym.drive.step import TABLE, leap, step_through_events, tabulate
-
-LANES = 64
-
-# rows of ``state``; those up to COMMAND carry a drive from one control period to the next, the others tell about the last
-X1, V1, X2, V2 = 0, 1, 2, 3
-READ_1, READ_2, SPEED_1, SPEED_2, COMMAND = 4, 5, 6, 7, 8
-REFERENCE, ERROR, TRACKING, EFFORT, RATE, FAILURE = 9, 10, 11, 12, 13, 14
-CARRIED, STATE_ROWS = 9, 15
-
-# entries of ``task``, the constants of an environment
-PERIOD, TRAVEL, STROKE, WEIGHT_TRACKING, WEIGHT_EFFORT, WEIGHT_RATE, WEIGHT_FAILURE = 0, 1, 2, 3, 4, 5, 6
-ERROR_SCALE, VOLTAGE, HORIZON, NOISE = 7, 8, 9, 10
-TASK_ENTRIES = 11
-
-# entries of ``sizes``
-DRIVES, SENSING, SUBSTEPS, MODELS, ENTRIES, PREVIEWS, SAMPLES, REFERENCES, ONE_BY_ONE, DRAWN, JOINT, LATE = range(12)
-SIZES = 12
-
-# entries of ``addresses``, one array each; :class:`~flexdrive_gym.fleet.Fleet` makes and holds them
-ARRAYS = (
-    "actions",
-    "task",
-    "state",
-    "clock",
-    "row",
-    "seeds",
-    "p",
-    "tables",
-    "memory",
-    "scratch",
-    "references",
-    "ahead",
-    "scale",
-    "bound",
-    "work",
-    "observation",
-    "reward",
-    "terminated",
-    "truncated",
-    "nominal",
-    "which",
-    "inverse",
-    "lowest",
-    "highest",
-    "factor",
-    "line",
+from flexdrive_gym.drive.effects import N_PARAMETERS, N_STATES
+from flexdrive_gym.drive.forces import W2, readings
+from flexdrive_gym.drive.lanes import TABLE_COLUMNS, integrate_each, integrate_lanes, load_own, load_shared
+from flexdrive_gym.drive.layout import (
+    A_ACTIONS,
+    A_AHEAD,
+    A_BOUND,
+    A_CLOCK,
+    A_DECAYS,
+    A_FACTOR,
+    A_HIGHEST,
+    A_INVERSE,
+    A_LINE,
+    A_LOWEST,
+    A_MEMORY,
+    A_NOMINAL,
+    A_OBSERVATION,
+    A_P,
+    A_PICKS,
+    A_REFERENCES,
+    A_REWARD,
+    A_ROW,
+    A_SCALE,
+    A_SCRATCH,
+    A_SEEDS,
+    A_STATE,
+    A_TABLES,
+    A_TASK,
+    A_TERMINATED,
+    A_TRUNCATED,
+    A_WHICH,
+    A_WORK,
+    CARRIED,
+    COMMAND,
+    DRAWN,
+    DRIVES,
+    EFFORT,
+    ENDED,
+    ENTRIES,
+    ERROR,
+    FAILURE,
+    HIGH,
+    HORIZON,
+    JOINT,
+    LANES,
+    LATE,
+    LEAPS,
+    LOW,
+    MODELS,
+    NOISE,
+    NOISES,
+    ONE_BY_ONE,
+    OPEN,
+    PERIOD,
+    PREVIEWS,
+    RATE,
+    READ_1,
+    READ_2,
+    REFERENCE,
+    REFERENCES,
+    SAMPLES,
+    SENSING,
+    SPEED_1,
+    SPEED_2,
+    STATE_ROWS,
+    SUBSTEPS,
+    TELLS,
+    TRACKING,
 )
-_PLACE = {name: i for i, name in enumerate(ARRAYS)}
-A_ACTIONS = _PLACE["actions"]
-A_TASK = _PLACE["task"]
-A_STATE = _PLACE["state"]
-A_CLOCK = _PLACE["clock"]
-A_ROW = _PLACE["row"]
-A_SEEDS = _PLACE["seeds"]
-A_P = _PLACE["p"]
-A_TABLES = _PLACE["tables"]
-A_MEMORY = _PLACE["memory"]
-A_SCRATCH = _PLACE["scratch"]
-A_REFERENCES = _PLACE["references"]
-A_AHEAD = _PLACE["ahead"]
-A_SCALE = _PLACE["scale"]
-A_BOUND = _PLACE["bound"]
-A_WORK = _PLACE["work"]
-A_OBSERVATION = _PLACE["observation"]
-A_REWARD = _PLACE["reward"]
-A_TERMINATED = _PLACE["terminated"]
-A_TRUNCATED = _PLACE["truncated"]
-A_NOMINAL = _PLACE["nominal"]
-A_WHICH = _PLACE["which"]
-A_INVERSE = _PLACE["inverse"]
-A_LOWEST = _PLACE["lowest"]
-A_HIGHEST = _PLACE["highest"]
-A_FACTOR = _PLACE["factor"]
-A_LINE = _PLACE["line"]
-
-# columns of ``tables``: the step's table, what the velocity filters keep, work space
-DECAY_1, DECAY_2 = TABLE + N_PARAMETERS, TABLE + N_PARAMETERS + 1
-TABLE_COLUMNS = TABLE + N_PARAMETERS + 2
-
-# Rows of the lanes' work space, one flat array: the compiler sees that its rows never overlap and vectorises. The first
-# rows are those of ``state``.
-_TRIAL = STATE_ROWS * LANES
-_EVENT = _TRIAL + 4 * LANES
-_NOISE = _EVENT + LANES
-_DECAY = _NOISE + 2 * LANES
-_PARAMETERS = _DECAY + 2 * LANES
-_TABLE = _PARAMETERS + N_BASE_PARAMETERS * LANES
-# entries of the step's table: for both carts sliding, and for cart 1 sliding while cart 2 sticks (x1 and v1 only)
-_SLIDING, _HELD, _HELD_BEGINS = 20, 10, 40
-_TABLE_HELD = _TABLE + _SLIDING * LANES
-LANES_WORK = _TABLE_HELD + _HELD * LANES
-
-
-def _row_function(name: str, start: int, entries: int) -> Any:
-    # a tuple of one lane's entries: its length is part of its type, so it must be written out
-    body = ", ".join(f"work[{start + k * LANES} + i]" for k in range(entries))
-    names: dict[str, Any] = {}
-    exec(compile(f"def {name}(work, i):\n    return ({body},)\n", f"<{name}>", "exec"), names)  # noqa: S102
-    return inlined(names[name])
-
-
-_parameters_of = _row_function("_parameters_of", _PARAMETERS, N_BASE_PARAMETERS)
-_table_of = _row_function("_table_of", _TABLE, _SLIDING)
-_held_table_of = _row_function("_held_table_of", _TABLE_HELD, _HELD)
+from flexdrive_gym.drive.sample import CUTOFF_1, CUTOFF_2, MEMORY, decay
+from flexdrive_gym.drive.sensing import act, delay_readings, draw_noise, judge, next_normal, next_random, observe, sense
+from flexdrive_gym.drive.step import tabulate
 
 
 @inlined
-def next_random(seeds: Any, j: int) -> float:
-    """Return the next uniform number in [0, 1) of drive j's own stream (SplitMix64; Steele, Lea, Flood 2014)."""
-    s = seeds[j] + np.uint64(0x9E3779B97F4A7C15)
-    seeds[j] = s
-    s = (s ^ (s >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    s = (s ^ (s >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    s = s ^ (s >> np.uint64(31))
-    return np.float64(s >> np.uint64(11)) * (1.0 / 9007199254740992.0)
-
-
-@inlined
-def next_normal(seeds: Any, j: int) -> float:
-    """Return the next standard normal number of drive j's own stream (Box and Muller)."""
-    u = 1.0 - next_random(seeds, j)
-    return np.sqrt(-2.0 * np.log(u)) * np.cos(2.0 * np.pi * next_random(seeds, j))
-
-
-@inlined
-def _load_drives(low: int, n: int, shared: bool, p: Any, tables: Any, work: Any) -> None:
-    """Spread parameters and tables over the lanes."""
+def _refer(begin: int, n: int, horizon: int, samples: int, clock: Any, row: Any, references: Any, work: Any) -> None:
+    """Advance the clocks and look the reference up; it ends one period after the time limit."""
     for i in range(n):
-        j = 0 if shared else low + i
-        q, table = shifted(p, j * N_PARAMETERS), shifted(tables, j * TABLE_COLUMNS)
-        for k in range(N_BASE_PARAMETERS):
-            work[_PARAMETERS + k * LANES + i] = q[k]
-        for k in range(_SLIDING):
-            work[_TABLE + k * LANES + i] = table[k]
-        for k in range(_HELD):
-            work[_TABLE_HELD + k * LANES + i] = table[_HELD_BEGINS + k]
-        work[_DECAY + i] = table[DECAY_1]
-        work[_DECAY + LANES + i] = table[DECAY_2]
+        now = min(clock[begin + i] + 1, horizon + 1)
+        clock[begin + i] = now
+        work[REFERENCE * LANES + i] = references[row[begin + i] * samples + now]
 
 
 @inlined
-def _act(n: int, actions: Any, task: Any, work: Any) -> None:
-    """Limit the commands and charge their change."""
-    voltage, weight, per_volt = task[VOLTAGE], task[WEIGHT_RATE], 1.0 / task[VOLTAGE]
+def _conclude(
+    begin: int, n: int, horizon: float, clock: Any, reward: Any, terminated: Any, truncated: Any, work: Any
+) -> int:
+    """Sum the reward up and say whose episode ends and how; return how many do."""
+    ended = 0
     for i in range(n):
-        old = work[COMMAND * LANES + i]
-        new = limited(min(max(actions[i], -1.0), 1.0) * voltage, _parameters_of(work, i))
-        change = (new - old) * per_volt
-        work[RATE * LANES + i] = -weight * change * change
-        work[COMMAND * LANES + i] = new
-
-
-@inlined
-def _integrate_lanes(low: int, n: int, substeps: int, h: float, shared: bool, p: Any, tables: Any, work: Any) -> None:
-    """Integrate n drives side by side; n is at most LANES.
-
-    Both ways a drive spends whole steps in are advanced by table: both carts sliding, or cart 2 held by its friction.
-    """
-    for _ in range(substeps):
-        for i in range(n):
-            x1, v1 = work[X1 * LANES + i], work[V1 * LANES + i]
-            x2, v2 = work[X2 * LANES + i], work[V2 * LANES + i]
-            q = _parameters_of(work, i)
-            s1, s2 = (1.0 if v1 > 0.0 else -1.0), (1.0 if v2 > 0.0 else -1.0)
-            f1 = work[COMMAND * LANES + i] - s1 * level_1(x1, v1, s1, 0.0, 0.0, None, 0, q)
-            f2 = -s2 * level_2(x2, v2, s2, 0.0, 0.0, None, 0, q)
-            y1, w1, y2, w2 = leap(0, x1, v1, x2, v2, f1, f2, _table_of(work, i))
-            held = _held_table_of(work, i)
-            d = x1 - x2
-            h1 = x1 + (held[0] * d + held[1] * v1 + held[3] * f1)
-            u1 = held[5] * d + held[6] * v1 + held[8] * f1
-            before, _s = margin_2(x1, x2, v1, 0.0, None, 0, q)
-            after, _s = margin_2(h1, x2, u1, 0.0, None, 0, q)
-            sticks = v2 == 0.0 and before <= 0.0
-            y1, w1 = (h1 if sticks else y1), (u1 if sticks else w1)
-            work[_TRIAL + i] = y1
-            work[_TRIAL + LANES + i] = w1
-            work[_TRIAL + 2 * LANES + i] = x2 if sticks else y2
-            work[_TRIAL + 3 * LANES + i] = 0.0 if sticks else w2
-            # not positive: a cart tears loose, comes back through zero, or cart 1 is at rest
-            work[_EVENT + i] = min(v1 * w1, (1.0 if after <= 0.0 else -1.0) if sticks else v2 * w2)
-        for i in range(n):
-            if not work[_EVENT + i] > 0.0:
-                j = 0 if shared else low + i
-                y1, w1, y2, w2 = step_through_events(
-                    work[X1 * LANES + i],
-                    work[V1 * LANES + i],
-                    work[X2 * LANES + i],
-                    work[V2 * LANES + i],
-                    work[COMMAND * LANES + i],
-                    0.0,
-                    h,
-                    shifted(tables, j * TABLE_COLUMNS),
-                    None,
-                    shifted(p, j * N_PARAMETERS),
-                )
-                work[_TRIAL + i] = y1
-                work[_TRIAL + LANES + i] = w1
-                work[_TRIAL + 2 * LANES + i] = y2
-                work[_TRIAL + 3 * LANES + i] = w2
-        for k in range(4):
-            for i in range(n):
-                work[k * LANES + i] = work[_TRIAL + k * LANES + i]
-
-
-@inlined
-def _integrate_each(
-    low: int,
-    n: int,
-    period: float,
-    substeps: int,
-    shared: bool,
-    clock: Any,
-    p: Any,
-    tables: Any,
-    memory: Any,
-    z: Any,
-    scratch: Any,
-    work: Any,
-) -> None:
-    """Integrate n drives one by one: some delay their command, or have effects beyond the base."""
+        lost = work[OPEN + i] > 0.0
+        over = clock[begin + i] >= horizon
+        terminated[begin + i] = 1 if lost else 0
+        truncated[begin + i] = 1 if over and not lost else 0
+        ended += 1 if lost or over else 0
     for i in range(n):
-        j = low + i
-        row = 0 if shared else j
-        if z is not None:
-            for k in range(N_STATES):
-                scratch[k] = z[j * N_STATES + k]
-        space = None if z is None else scratch
-        x1, v1, x2, v2 = advance(
-            work[X1 * LANES + i],
-            work[V1 * LANES + i],
-            work[X2 * LANES + i],
-            work[V2 * LANES + i],
-            work[COMMAND * LANES + i],
-            clock[j] * period,
-            period,
-            substeps,
-            shifted(tables, row * TABLE_COLUMNS),
-            shifted(memory, j * MEMORY),
-            space,
-            shifted(p, row * N_PARAMETERS),
+        reward[begin + i] = (
+            work[TRACKING * LANES + i] + work[EFFORT * LANES + i] + work[RATE * LANES + i] + work[FAILURE * LANES + i]
         )
-        work[X1 * LANES + i] = x1
-        work[V1 * LANES + i] = v1
-        work[X2 * LANES + i] = x2
-        work[V2 * LANES + i] = v2
-        if z is not None:
-            for k in range(N_STATES):
-                z[j * N_STATES + k] = scratch[k]
+    return ended
 
 
 @inlined
-def _draw_noise(low: int, n: int, noise: float, seeds: Any, work: Any) -> None:
+def _observe_lanes(begin: int, n: int, block: Any, clock: Any, row: Any, references: Any, work: Any) -> None:
+    ahead, scale = integers_at(block[A_AHEAD]), floats_at(block[A_SCALE])
+    bound, observation = floats_at(block[A_BOUND]), singles_at(block[A_OBSERVATION])
+    sensing, previews, samples, entries = block[SENSING], block[PREVIEWS], block[SAMPLES], block[ENTRIES]
     for i in range(n):
-        work[_NOISE + i] = noise * next_normal(seeds, low + i)
-        work[_NOISE + LANES + i] = noise * next_normal(seeds, low + i)
-
-
-@inlined
-def _differentiate(i: int, r1: float, r2: float, period: float, work: Any) -> None:
-    """Make velocities from new readings and keep both."""
-    work[SPEED_1 * LANES + i] = velocity(
-        r1, work[READ_1 * LANES + i], work[SPEED_1 * LANES + i], work[_DECAY + i], period
-    )
-    work[SPEED_2 * LANES + i] = velocity(
-        r2, work[READ_2 * LANES + i], work[SPEED_2 * LANES + i], work[_DECAY + LANES + i], period
-    )
-    work[READ_1 * LANES + i] = r1
-    work[READ_2 * LANES + i] = r2
-
-
-@inlined
-def _sense(low: int, n: int, shared: bool, period: float, clock: Any, p: Any, z: Any, scratch: Any, work: Any) -> None:
-    """Read the encoders."""
-    for i in range(n):
-        x1, x2 = work[X1 * LANES + i], work[X2 * LANES + i]
-        if z is None:
-            r1, r2 = readings(x1, x2, 0.0, None, _parameters_of(work, i))
-        else:
-            j = low + i
-            q = shifted(p, (0 if shared else j) * N_PARAMETERS)
-            r1, r2 = readings(x1, x2, (clock[j] + 1) * period, scratch, q)
-        _differentiate(i, r1 + work[_NOISE + i], r2 + work[_NOISE + LANES + i], period, work)
-
-
-@inlined
-def _delay_readings(low: int, n: int, late: int, clock: Any, line: Any, work: Any) -> None:
-    """Swap the readings for those of ``late`` control periods ago; ``line`` is a ring of them per drive."""
-    for i in range(n):
-        j = low + i
-        slot = shifted(line, (j * late + clock[j] % late) * 4)
-        for k in range(4):
-            now = work[(READ_1 + k) * LANES + i]
-            work[(READ_1 + k) * LANES + i] = slot[k]
-            slot[k] = now
-
-
-@inlined
-def _judge(n: int, task: Any, work: Any) -> None:
-    """Compare the controlled cart (cart 2, or the only one) with the reference; charge error, effort and failure."""
-    per_error, per_volt, travel, stroke = 1.0 / task[ERROR_SCALE], 1.0 / task[VOLTAGE], task[TRAVEL], task[STROKE]
-    tracking, effort, failure = task[WEIGHT_TRACKING], task[WEIGHT_EFFORT], task[WEIGHT_FAILURE]
-    for i in range(n):
-        x1, x2 = work[X1 * LANES + i], work[X2 * LANES + i]
-        two = work[_PARAMETERS + W2 * LANES + i] > 0.0
-        error = work[REFERENCE * LANES + i] - (x2 if two else x1)
-        e, u = error * per_error, work[COMMAND * LANES + i] * per_volt
-        reach = max(abs(x1), abs(x2)) - travel
-        stretch = abs(x1 - x2) - stroke if two else -1.0
-        work[ERROR * LANES + i] = error
-        work[TRACKING * LANES + i] = -tracking * e * e
-        work[EFFORT * LANES + i] = -effort * u * u
-        work[FAILURE * LANES + i] = -failure if max(reach, stretch) > 0.0 else 0.0
-        work[_EVENT + i] = max(reach, stretch)
-
-
-@inlined
-def _entry(value: float, scale: Any, bound: Any, k: int) -> float:
-    return min(max(value * scale[k], -bound[k]), bound[k])
-
-
-@inlined
-def _observe(
-    read_1: float,
-    read_2: float,
-    speed_1: float,
-    speed_2: float,
-    command: float,
-    clock: int,
-    sensing: int,
-    previews: int,
-    reference: Any,
-    ahead: Any,
-    scale: Any,
-    bound: Any,
-    out: Any,
-) -> None:
-    """Write one drive's observation: position and velocity of the chosen encoder(s), error, reference, command, preview."""
-    k = 0
-    if sensing != 2:
-        out[0] = _entry(read_1, scale, bound, 0)
-        out[1] = _entry(speed_1, scale, bound, 1)
-        k = 2
-    if sensing != 1:
-        out[k] = _entry(read_2, scale, bound, k)
-        out[k + 1] = _entry(speed_2, scale, bound, k + 1)
-        k += 2
-    now = reference[clock]
-    out[k] = _entry(now - (read_1 if sensing == 1 else read_2), scale, bound, k)
-    out[k + 1] = _entry(now, scale, bound, k + 1)
-    out[k + 2] = _entry(command, scale, bound, k + 2)
-    k += 3
-    for i in range(previews):
-        out[k + i] = _entry(reference[clock + ahead[i]], scale, bound, k + i)
+        j = begin + i
+        observe(
+            work[READ_1 * LANES + i],
+            work[READ_2 * LANES + i],
+            work[SPEED_1 * LANES + i],
+            work[SPEED_2 * LANES + i],
+            work[COMMAND * LANES + i],
+            clock[j],
+            sensing,
+            previews,
+            shifted(references, row[j] * samples),
+            ahead,
+            scale,
+            bound,
+            shifted(observation, j * entries),
+        )
 
 
 @kernel
-def step_fleet(low: int, high: int, sizes: Any, addresses: Any, z: Any) -> None:
-    """Advance drives ``low`` … ``high - 1`` by one control period and observe them.
+def step_fleet(address: int, z: Any) -> None:
+    """Advance drives by one control period and observe them.
 
     Parameters
     ----------
-    sizes : ndarray of int, shape (SIZES,)
-        Numbers of things; see the constants above.
-    addresses : ndarray of int, shape (len(ARRAYS),)
-        Of the arrays of a :class:`~flexdrive_gym.fleet.Fleet`, which holds them.
+    address
+        Of a block of integers: which drives, sizes and the addresses of arrays; see :mod:`~flexdrive_gym.drive.layout`.
+        Whoever calls holds the block and the arrays.
     z : ndarray, shape (n, states), or None
         Additional states where some drive has effects beyond the base.
     """
-    drives, shared = sizes[DRIVES], sizes[MODELS] == 1
-    sensing, substeps, entries = sizes[SENSING], sizes[SUBSTEPS], sizes[ENTRIES]
-    samples, previews = sizes[SAMPLES], sizes[PREVIEWS]
-    task, state, actions = floats_at(addresses[A_TASK]), floats_at(addresses[A_STATE]), floats_at(addresses[A_ACTIONS])
-    clock, row, seeds = (
-        integers_at(addresses[A_CLOCK]),
-        integers_at(addresses[A_ROW]),
-        naturals_at(addresses[A_SEEDS]),
+    block = integers_at(address)
+    low, high, drives, shared = block[LOW], block[HIGH], block[DRIVES], block[MODELS] == 1
+    task, state, actions = floats_at(block[A_TASK]), floats_at(block[A_STATE]), floats_at(block[A_ACTIONS])
+    clock, row, seeds = integers_at(block[A_CLOCK]), integers_at(block[A_ROW]), naturals_at(block[A_SEEDS])
+    p, decays, work = floats_at(block[A_P]), floats_at(block[A_DECAYS]), floats_at(block[A_WORK])
+    scratch, references, picks = (
+        floats_at(block[A_SCRATCH]),
+        floats_at(block[A_REFERENCES]),
+        integers_at(block[A_PICKS]),
     )
-    p, tables, memory = floats_at(addresses[A_P]), floats_at(addresses[A_TABLES]), floats_at(addresses[A_MEMORY])
-    scratch, references = floats_at(addresses[A_SCRATCH]), floats_at(addresses[A_REFERENCES])
-    ahead, scale, bound = (
-        integers_at(addresses[A_AHEAD]),
-        floats_at(addresses[A_SCALE]),
-        floats_at(addresses[A_BOUND]),
-    )
-    work, observation = floats_at(addresses[A_WORK]), singles_at(addresses[A_OBSERVATION])
-    reward = floats_at(addresses[A_REWARD])
-    terminated, truncated = flags_at(addresses[A_TERMINATED]), flags_at(addresses[A_TRUNCATED])
-    extra, late = pointer(z), sizes[LATE]
-
-    period, noise, horizon = task[PERIOD], task[NOISE], task[HORIZON]
+    extra, late, substeps, leaps = pointer(z), block[LATE], block[SUBSTEPS], block[LEAPS]
+    period, noise = task[PERIOD], task[NOISE]
+    told = STATE_ROWS if block[TELLS] == 1 else CARRIED
+    most, ended = min(LANES, high - low), 0
     if shared:
-        _load_drives(0, min(LANES, high - low), shared, p, tables, work)
-    for i in range(min(LANES, high - low)):
-        work[_NOISE + i] = 0.0
-        work[_NOISE + LANES + i] = 0.0
+        load_shared(most, p, decays, work)
+    for i in range(most):
+        work[NOISES + i] = 0.0
+        work[NOISES + LANES + i] = 0.0
     for begin in range(low, high, LANES):
         n = min(LANES, high - begin)
         if not shared:
-            _load_drives(begin, n, shared, p, tables, work)
+            load_own(begin, n, p, decays, work)
         for k in range(CARRIED):
             column = shifted(state, k * drives + begin)
             for i in range(n):
                 work[k * LANES + i] = column[i]
-        _act(n, shifted(actions, begin), task, work)
-        if sizes[ONE_BY_ONE] == 0 and z is None:
-            _integrate_lanes(begin, n, substeps, period / substeps, shared, p, tables, work)
+        act(n, shifted(actions, begin), task, work)
+        if z is None and block[ONE_BY_ONE] == 0:
+            integrate_lanes(n, leaps, period / leaps, (substeps + leaps - 1) // leaps, shared, picks, work)
         else:
-            _integrate_each(begin, n, period, substeps, shared, clock, p, tables, memory, extra, scratch, work)
+            tables, memory = floats_at(block[A_TABLES]), floats_at(block[A_MEMORY])
+            integrate_each(begin, n, period, substeps, shared, clock, p, tables, memory, extra, scratch, work)
         if noise > 0.0:
-            _draw_noise(begin, n, noise, seeds, work)
-        _sense(begin, n, shared, period, clock, p, extra, scratch, work)
-        for i in range(n):
-            now = clock[begin + i] + 1
-            clock[begin + i] = now
-            work[REFERENCE * LANES + i] = references[row[begin + i] * samples + now]
-        _judge(n, task, work)
-        for k in range(STATE_ROWS):
+            draw_noise(begin, n, noise, seeds, work)
+        sense(begin, n, shared, period, clock, p, extra, scratch, work)
+        _refer(begin, n, int(task[HORIZON]), block[SAMPLES], clock, row, references, work)
+        judge(n, task, work)
+        for k in range(told):
             column = shifted(state, k * drives + begin)
             for i in range(n):
                 column[i] = work[k * LANES + i]
         if late > 0:
-            _delay_readings(begin, n, late, clock, floats_at(addresses[A_LINE]), work)
-        for i in range(n):
-            j = begin + i
-            lost = work[_EVENT + i] > 0.0
-            terminated[j] = 1 if lost else 0
-            truncated[j] = 1 if clock[j] >= horizon and not lost else 0
-            reward[j] = (
-                work[TRACKING * LANES + i]
-                + work[EFFORT * LANES + i]
-                + work[RATE * LANES + i]
-                + work[FAILURE * LANES + i]
-            )
-            _observe(
-                work[READ_1 * LANES + i],
-                work[READ_2 * LANES + i],
-                work[SPEED_1 * LANES + i],
-                work[SPEED_2 * LANES + i],
-                work[COMMAND * LANES + i],
-                clock[j],
-                sensing,
-                previews,
-                shifted(references, row[j] * samples),
-                ahead,
-                scale,
-                bound,
-                shifted(observation, j * entries),
-            )
+            delay_readings(begin, n, late, clock, floats_at(block[A_LINE]), work)
+        ended += _conclude(
+            begin,
+            n,
+            task[HORIZON],
+            clock,
+            floats_at(block[A_REWARD]),
+            flags_at(block[A_TERMINATED]),
+            flags_at(block[A_TRUNCATED]),
+            work,
+        )
+        _observe_lanes(begin, n, block, clock, row, references, work)
+    block[ENDED] = ended
 
 
 @inlined
-def _draw_parameters(
-    j: int,
-    n: int,
-    joint: bool,
-    q: Any,
-    seeds: Any,
-    nominal: Any,
-    which: Any,
-    inverse: Any,
-    low: Any,
-    high: Any,
-    factor: Any,
-    normal: Any,
-) -> None:
+def _draw_parameters(j: int, q: Any, block: Any, seeds: Any) -> None:
     """Draw the randomised parameters: uniform between bounds, or jointly normal by a Cholesky factor, within them."""
+    n, joint = block[DRAWN], block[JOINT] == 1
+    nominal, which, inverse = (
+        floats_at(block[A_NOMINAL]),
+        integers_at(block[A_WHICH]),
+        integers_at(block[A_INVERSE]),
+    )
+    low, high = floats_at(block[A_LOWEST]), floats_at(block[A_HIGHEST])
+    factor, normal = floats_at(block[A_FACTOR]), floats_at(block[A_WORK])
     for i in range(n):
         normal[i] = next_normal(seeds, j) if joint else next_random(seeds, j)
     for i in range(n):
@@ -510,86 +241,76 @@ def _draw_parameters(
         q[which[i]] = 1.0 / value if inverse[i] == 1 else value
 
 
+@inlined
+def _fill_line(j: int, late: int, r1: float, r2: float, v1: float, v2: float, line: Any) -> None:
+    for k in range(late):
+        slot = shifted(line, (j * late + k) * 4)
+        slot[0] = r1
+        slot[1] = r2
+        slot[2] = v1
+        slot[3] = v2
+
+
 @kernel
-def reset_fleet(low: int, high: int, mask: Any, start: Any, sizes: Any, addresses: Any, z: Any) -> None:
-    """Start a new episode of the masked drives among ``low`` … ``high - 1``: draw parameters and reference, at ``start``.
+def reset_fleet(address: int, mask: Any, start: Any, z: Any) -> None:
+    """Start a new episode of the masked drives: draw parameters and reference, at ``start``.
 
     ``mask`` (n,) is bool, ``start`` (4,) is x1, v1, x2, v2; the rest is as in :func:`step_fleet`.
     """
-    drives, shared = sizes[DRIVES], sizes[MODELS] == 1
-    task, state = floats_at(addresses[A_TASK]), floats_at(addresses[A_STATE])
-    clock, row, seeds = (
-        integers_at(addresses[A_CLOCK]),
-        integers_at(addresses[A_ROW]),
-        naturals_at(addresses[A_SEEDS]),
-    )
-    p, tables, memory = floats_at(addresses[A_P]), floats_at(addresses[A_TABLES]), floats_at(addresses[A_MEMORY])
-    references, reward = floats_at(addresses[A_REFERENCES]), floats_at(addresses[A_REWARD])
-    terminated, truncated = flags_at(addresses[A_TERMINATED]), flags_at(addresses[A_TRUNCATED])
-    period, substeps, samples = task[PERIOD], sizes[SUBSTEPS], sizes[SAMPLES]
-    scratch, extra = floats_at(addresses[A_SCRATCH]), pointer(z)
+    block = integers_at(address)
+    drives, shared, samples = block[DRIVES], block[MODELS] == 1, block[SAMPLES]
+    task, state = floats_at(block[A_TASK]), floats_at(block[A_STATE])
+    clock, row, seeds = integers_at(block[A_CLOCK]), integers_at(block[A_ROW]), naturals_at(block[A_SEEDS])
+    p, decays, memory = floats_at(block[A_P]), floats_at(block[A_DECAYS]), floats_at(block[A_MEMORY])
+    references, reward = floats_at(block[A_REFERENCES]), floats_at(block[A_REWARD])
+    terminated, truncated = flags_at(block[A_TERMINATED]), flags_at(block[A_TRUNCATED])
+    period = task[PERIOD]
+    scratch, extra = floats_at(block[A_SCRATCH]), pointer(z)
     space = None if z is None else scratch
-    for j in range(low, high):
+    for j in range(block[LOW], block[HIGH]):
         if not mask[j]:
             continue
         model = 0 if shared else j
-        q, table = shifted(p, model * N_PARAMETERS), shifted(tables, model * TABLE_COLUMNS)
-        if sizes[DRAWN] > 0:
-            _draw_parameters(
-                j,
-                sizes[DRAWN],
-                sizes[JOINT] == 1,
-                q,
-                seeds,
-                floats_at(addresses[A_NOMINAL]),
-                integers_at(addresses[A_WHICH]),
-                integers_at(addresses[A_INVERSE]),
-                floats_at(addresses[A_LOWEST]),
-                floats_at(addresses[A_HIGHEST]),
-                floats_at(addresses[A_FACTOR]),
-                floats_at(addresses[A_WORK]),
-            )
-        tabulate(period / substeps, table, space, q)
-        table[DECAY_1] = decay(q[CUTOFF_1], period)
-        table[DECAY_2] = decay(q[CUTOFF_2], period)
-        if sizes[REFERENCES] > 1:
-            row[j] = int(next_random(seeds, j) * sizes[REFERENCES])
+        q = shifted(p, model * N_PARAMETERS)
+        if block[DRAWN] > 0:
+            _draw_parameters(j, q, block, seeds)
+        decays[2 * model] = decay(q[CUTOFF_1], period)
+        decays[2 * model + 1] = decay(q[CUTOFF_2], period)
+        if block[REFERENCES] > 1:
+            row[j] = int(next_random(seeds, j) * block[REFERENCES])
         clock[j] = 0
         reward[j], terminated[j], truncated[j] = 0.0, 0, 0
         for k in range(STATE_ROWS):
             state[k * drives + j] = start[k] if k < 4 else 0.0
-        if sizes[ONE_BY_ONE] == 1:
+        if block[ONE_BY_ONE] == 1:
+            tabulate(
+                period / block[SUBSTEPS], shifted(floats_at(block[A_TABLES]), model * TABLE_COLUMNS), space, q
+            )
             for k in range(MEMORY):
                 memory[j * MEMORY + k] = 0.0
         if z is not None:
             for k in range(N_STATES):
                 extra[j * N_STATES + k] = 0.0
         r1, r2 = readings(start[0], start[2], 0.0, space, q)
-        line = floats_at(addresses[A_LINE])
-        for k in range(sizes[LATE]):
-            slot = shifted(line, (j * sizes[LATE] + k) * 4)
-            slot[0] = r1
-            slot[1] = r2
-            slot[2] = start[1]
-            slot[3] = start[3]
+        _fill_line(j, block[LATE], r1, r2, start[1], start[3], floats_at(block[A_LINE]))
         state[READ_1 * drives + j] = r1
         state[READ_2 * drives + j] = r2
         state[SPEED_1 * drives + j] = start[1]
         state[SPEED_2 * drives + j] = start[3]
         state[REFERENCE * drives + j] = references[row[j] * samples]
         state[ERROR * drives + j] = references[row[j] * samples] - (start[2] if q[W2] > 0.0 else start[0])
-        _observe(
+        observe(
             r1,
             r2,
             start[1],
             start[3],
             0.0,
             0,
-            sizes[SENSING],
-            sizes[PREVIEWS],
+            block[SENSING],
+            block[PREVIEWS],
             shifted(references, row[j] * samples),
-            integers_at(addresses[A_AHEAD]),
-            floats_at(addresses[A_SCALE]),
-            floats_at(addresses[A_BOUND]),
-            shifted(singles_at(addresses[A_OBSERVATION]), j * sizes[ENTRIES]),
+            integers_at(block[A_AHEAD]),
+            floats_at(block[A_SCALE]),
+            floats_at(block[A_BOUND]),
+            shifted(singles_at(block[A_OBSERVATION]), j * block[ENTRIES]),
         )
