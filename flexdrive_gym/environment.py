@@ -75,7 +75,6 @@ class FlexDriveEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         self._fleet = Fleet(self.task, 1)
         self.action_space = action_space()
         self.observation_space = observation_space(self._fleet)
-        self._state = self._fleet.state[:, 0]
         # reading and writing single numbers through memoryviews takes a third of the time that array indexing takes
         fleet: Any = self._fleet
         self._actions: Any = memoryview(fleet.actions)
@@ -155,25 +154,7 @@ class FlexDriveEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         return out.observation[0].copy(), float(out.reward[0]), bool(out.terminated[0]), bool(out.truncated[0]), self._info()
 
     def _info(self) -> Info:
-        # written out because this is the longest part of a step otherwise; a test holds it to KEYS
-        x1, v1, x2, v2, r1, r2, q1, q2, u, xr, e, tracking, effort, rate, failure = self._state.tolist()
-        return {
-            "x1": x1,
-            "v1": v1,
-            "x2": x2,
-            "v2": v2,
-            "read_x1": r1,
-            "read_x2": r2,
-            "read_v1": q1,
-            "read_v2": q2,
-            "u": u,
-            "xr": xr,
-            "e": e,
-            "reward_tracking": tracking,
-            "reward_effort": effort,
-            "reward_rate": rate,
-            "reward_failure": failure,
-        }
+        return {key: float(values[0]) for key, values in self._fleet.state().items()}
 
     def render(self) -> Any:
         """Return the picture of the present state and the last seconds; see :mod:`flexdrive_gym.rendering`."""
@@ -211,4 +192,4 @@ class FlexDriveEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
 
 
 _REBUILT = {"_fleet", "_state", "_renderer", "_actions"}
-_KEPT = ("actions", "state", "clock", "seeds", "p", "row", "memory", "tables", "decays", "line")
+_KEPT = ("actions", "state", "clock", "seeds", "p", "row", "memory", "tables", "lanes", "told", "line")

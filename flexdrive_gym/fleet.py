@@ -78,8 +78,6 @@ class Fleet:
     outputs : Outputs
         Observation, reward and the flags that the last :meth:`step` or :meth:`reset` wrote. A step never writes into
         arrays that somebody still refers to.
-    state : ndarray, shape (rows, n)
-        In the order of :data:`KEYS`.
     ended : int
         How many episodes ended in the last step.
     """
@@ -93,7 +91,9 @@ class Fleet:
         self.one_by_one = full or delayed
         limits = np.array([b for _name, _unit, b in entries])
         self.actions = np.zeros(n)
-        self.state = np.zeros((layout.STATE_ROWS, n))
+        strips = ceil(n / layout.LANES)
+        self._state = np.zeros((strips, layout.STATE_ROWS, layout.LANES))
+        self._told = np.zeros((strips, layout.TOLD_ROWS, layout.LANES))
         self.clock = np.zeros(n, dtype=np.int64)
         self.seeds = np.zeros(n, dtype=np.uint64)
         self.p = np.tile(rig.vector(), (self.models, 1))
@@ -103,12 +103,13 @@ class Fleet:
         self.arrays: dict[str, npt.NDArray[Any]] = {
             "actions": self.actions,
             "task": _constants(task),
-            "state": self.state,
+            "state": self._state,
+            "told": self._told,
             "clock": self.clock,
             "row": np.zeros(n, dtype=np.int64),
             "seeds": self.seeds,
             "p": self.p,
-            "decays": np.zeros((self.models, 2)),
+            "lanes": np.zeros((strips if drawn.names else 1, layout.PARAMETER_ROWS, layout.LANES)),
             "tables": np.zeros((min(alone, self.models), lanes.TABLE_COLUMNS)),
             "memory": np.zeros((alone, MEMORY)),
             "references": task.references,
@@ -184,6 +185,11 @@ class Fleet:
         for name in OUTPUTS:
             getattr(self.outputs, name)[...] = getattr(old, name)
 
+    def state(self) -> dict[str, FloatArray]:
+        """Return what is known of the drives: :data:`KEYS` to arrays, shape (n,)."""
+        rows = [self._state[:, k] for k in range(layout.STATE_ROWS)] + [self._told[:, k] for k in range(layout.TOLD_ROWS)]
+        return {key: row.reshape(-1)[: self.n].copy() for key, row in zip(KEYS, rows, strict=True)}
+
     def _unused(self) -> Outputs:
         """Return outputs that nobody refers to: used ones if they were dropped, else new ones."""
         for out in self._spare:
@@ -196,16 +202,17 @@ class Fleet:
 
     def _divide(self, sizes: dict[int, int], parts: int) -> tuple[list[npt.NDArray[np.int64]], list[Any]]:
         """Return a block per thread, and the work spaces that belong to them."""
-        edges = np.linspace(0, self.n, parts + 1).astype(int)
+        edges = np.linspace(0, ceil(self.n / layout.LANES), parts + 1).astype(int) * layout.LANES
         blocks, held = [], []
         for low, high in pairwise(edges):
             own = {
                 "work": np.zeros(max(layout.LANES_WORK, sizes[layout.DRAWN])),
                 "picks": np.zeros(layout.LANES + 1, dtype=np.int64),
+                "seen": np.zeros((len(self.bound), layout.LANES), dtype=np.float32),
                 "scratch": np.zeros(7 * N_STATES),
             }
             block = np.zeros(layout.BLOCK, dtype=np.int64)
-            for i, value in {**sizes, layout.LOW: int(low), layout.HIGH: int(high)}.items():
+            for i, value in {**sizes, layout.LOW: int(low), layout.HIGH: min(int(high), self.n)}.items():
                 block[i] = value
             for name, array in {**self.arrays, **own}.items():
                 block[layout.PLACE[name]] = array.ctypes.data

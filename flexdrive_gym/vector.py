@@ -149,15 +149,14 @@ class FlexDriveVectorEnv(gymnasium.vector.VectorEnv[Observations, npt.NDArray[np
         final = np.empty(self.num_envs, dtype=object)
         for j in np.flatnonzero(done):
             final[j] = out.observation[j].copy()
-        last: Info = {key: values.copy() for key, values in zip(KEYS, fleet.state, strict=True)}
+        last: Info = dict(fleet.state())
         last |= {f"_{key}": done.copy() for key in KEYS}
         fleet.reset(done)
         return {"final_obs": final, "_final_obs": done, "final_info": last, "_final_info": done.copy()}
 
     def _info(self, mask: BoolArray | None) -> Info:
         present = np.ones(self.num_envs, dtype=np.bool_) if mask is None else mask
-        info: Info = {key: values.copy() for key, values in zip(KEYS, self.fleet.state, strict=True)}
-        return info | {f"_{key}": present.copy() for key in KEYS}
+        return self.fleet.state() | {f"_{key}": present.copy() for key in KEYS}
 
     def _mask(self, mask: Any) -> BoolArray:
         if mask is None:

@@ -21,130 +21,66 @@ from flexdrive_gym.drive.compilation import (
     shifted,
     singles_at,
 )
-from flexdrive_gym.drive.effects import N_PARAMETERS, N_STATES
+from flexdrive_gym.drive.effects import N_BASE_PARAMETERS, N_PARAMETERS, N_STATES
 from flexdrive_gym.drive.forces import W2, readings
-from flexdrive_gym.drive.lanes import TABLE_COLUMNS, integrate_each, integrate_lanes, load_own, load_shared
+from flexdrive_gym.drive.lanes import TABLE_COLUMNS, integrate_each, integrate_lanes
 from flexdrive_gym.drive.layout import (
-    A_ACTIONS,
-    A_AHEAD,
-    A_BOUND,
-    A_CLOCK,
-    A_DECAYS,
-    A_FACTOR,
-    A_HIGHEST,
-    A_INVERSE,
-    A_LINE,
-    A_LOWEST,
-    A_MEMORY,
-    A_NOMINAL,
-    A_OBSERVATION,
-    A_P,
-    A_PICKS,
-    A_REFERENCES,
-    A_REWARD,
-    A_ROW,
-    A_SCALE,
-    A_SCRATCH,
-    A_SEEDS,
-    A_STATE,
-    A_TABLES,
-    A_TASK,
-    A_TERMINATED,
-    A_TRUNCATED,
-    A_WHICH,
-    A_WORK,
-    CARRIED,
-    COMMAND,
-    DRAWN,
-    DRIVES,
-    EFFORT,
-    ENDED,
-    ENTRIES,
-    ERROR,
-    FAILURE,
-    HIGH,
-    HORIZON,
-    JOINT,
-    LANES,
-    LATE,
-    LEAPS,
-    LOW,
-    MODELS,
-    NOISE,
-    NOISES,
-    ONE_BY_ONE,
-    OPEN,
-    PERIOD,
-    PREVIEWS,
-    RATE,
-    READ_1,
-    READ_2,
-    REFERENCE,
-    REFERENCES,
-    SAMPLES,
-    SENSING,
-    SPEED_1,
-    SPEED_2,
-    STATE_ROWS,
-    SUBSTEPS,
-    TELLS,
-    TRACKING,
-)
+    A_ACTIONS, A_AHEAD, A_BOUND, A_CLOCK, A_FACTOR, A_HIGHEST, A_INVERSE, A_LANES, A_LINE, A_LOWEST, A_MEMORY, A_NOMINAL,
+    A_OBSERVATION, A_P, A_PICKS, A_RECORD, A_REFERENCES, A_REWARD, A_ROW, A_SCALE, A_SCRATCH, A_SEEDS, A_SEEN, A_STATE,
+    A_TABLES, A_TASK, A_TERMINATED, A_TOLD, A_TRUNCATED, A_WHICH, A_WORK, COMMAND, DECAY_1, DECAY_2, DRAWN, ENDED, ENTRIES,
+    ERROR, HIGH, HORIZON, JOINT, LANES, LATE, LEAPS, LOW, MODELS, NOISE, ONE_BY_ONE, PARAMETER_ROWS,
+    PERIOD, PREVIEWS, READ_1, READ_2, REFERENCE, REFERENCES, ROLLS, SAMPLES, SEEN, SENSING, SPEED_1, SPEED_2, STATE_ROWS,
+    SUBSTEPS, TELLS, TOLD_ROWS, V1, V2, X1, X2, padded,
+)  # fmt: skip
+from flexdrive_gym.drive.observation import observe
 from flexdrive_gym.drive.sample import CUTOFF_1, CUTOFF_2, MEMORY, decay
-from flexdrive_gym.drive.sensing import act, delay_readings, draw_noise, judge, next_normal, next_random, observe, sense
+from flexdrive_gym.drive.sensing import (
+    act,
+    conclude,
+    delay_readings,
+    draw_noise,
+    judge,
+    next_normal,
+    next_random,
+    refer,
+    sense,
+    sense_each,
+)
 from flexdrive_gym.drive.step import tabulate
 
 
 @inlined
-def _refer(begin: int, n: int, horizon: int, samples: int, clock: Any, row: Any, references: Any, work: Any) -> None:
-    """Advance the clocks and look the reference up; it ends one period after the time limit."""
-    for i in range(n):
-        now = min(clock[begin + i] + 1, horizon + 1)
-        clock[begin + i] = now
-        work[REFERENCE * LANES + i] = references[row[begin + i] * samples + now]
+def _observe(j: int, n: int, together: bool, block: Any, seen: Any, state: Any, now: Any) -> None:
+    observe(
+        n,
+        block[SENSING],
+        block[PREVIEWS],
+        together,
+        block[SAMPLES],
+        shifted(integers_at(block[A_CLOCK]), j),
+        shifted(integers_at(block[A_ROW]), j),
+        floats_at(block[A_REFERENCES]),
+        integers_at(block[A_AHEAD]),
+        floats_at(block[A_SCALE]),
+        floats_at(block[A_BOUND]),
+        seen,
+        state,
+        now,
+        singles_at(block[A_SEEN]),
+        shifted(singles_at(block[A_OBSERVATION]), j * block[ENTRIES]),
+    )
 
 
 @inlined
-def _conclude(
-    begin: int, n: int, horizon: float, clock: Any, reward: Any, terminated: Any, truncated: Any, work: Any
-) -> int:
-    """Sum the reward up and say whose episode ends and how; return how many do."""
-    ended = 0
-    for i in range(n):
-        lost = work[OPEN + i] > 0.0
-        over = clock[begin + i] >= horizon
-        terminated[begin + i] = 1 if lost else 0
-        truncated[begin + i] = 1 if over and not lost else 0
-        ended += 1 if lost or over else 0
-    for i in range(n):
-        reward[begin + i] = (
-            work[TRACKING * LANES + i] + work[EFFORT * LANES + i] + work[RATE * LANES + i] + work[FAILURE * LANES + i]
-        )
-    return ended
-
-
-@inlined
-def _observe_lanes(begin: int, n: int, block: Any, clock: Any, row: Any, references: Any, work: Any) -> None:
-    ahead, scale = integers_at(block[A_AHEAD]), floats_at(block[A_SCALE])
-    bound, observation = floats_at(block[A_BOUND]), singles_at(block[A_OBSERVATION])
-    sensing, previews, samples, entries = block[SENSING], block[PREVIEWS], block[SAMPLES], block[ENTRIES]
-    for i in range(n):
-        j = begin + i
-        observe(
-            work[READ_1 * LANES + i],
-            work[READ_2 * LANES + i],
-            work[SPEED_1 * LANES + i],
-            work[SPEED_2 * LANES + i],
-            work[COMMAND * LANES + i],
-            clock[j],
-            sensing,
-            previews,
-            shifted(references, row[j] * samples),
-            ahead,
-            scale,
-            bound,
-            shifted(observation, j * entries),
-        )
+def _roll(block: Any) -> None:
+    """Record all that is known of the only drive, and go on to the next observation and record."""
+    state, told, record = floats_at(block[A_STATE]), floats_at(block[A_TOLD]), floats_at(block[A_RECORD])
+    for k in range(STATE_ROWS):
+        record[k] = state[k * LANES]
+    for k in range(TOLD_ROWS):
+        record[STATE_ROWS + k] = told[k * LANES]
+    block[A_OBSERVATION] += 4 * block[ENTRIES]
+    block[A_RECORD] += 8 * (STATE_ROWS + TOLD_ROWS)
 
 
 @kernel
@@ -160,61 +96,59 @@ def step_fleet(address: int, z: Any) -> None:
         Additional states where some drive has effects beyond the base.
     """
     block = integers_at(address)
-    low, high, drives, shared = block[LOW], block[HIGH], block[DRIVES], block[MODELS] == 1
-    task, state, actions = floats_at(block[A_TASK]), floats_at(block[A_STATE]), floats_at(block[A_ACTIONS])
-    clock, row, seeds = integers_at(block[A_CLOCK]), integers_at(block[A_ROW]), naturals_at(block[A_SEEDS])
-    p, decays, work = floats_at(block[A_P]), floats_at(block[A_DECAYS]), floats_at(block[A_WORK])
-    scratch, references, picks = (
-        floats_at(block[A_SCRATCH]),
-        floats_at(block[A_REFERENCES]),
-        integers_at(block[A_PICKS]),
+    low, high, shared, late = block[LOW], block[HIGH], block[MODELS] == 1, block[LATE]
+    task, work, picks = floats_at(block[A_TASK]), floats_at(block[A_WORK]), integers_at(block[A_PICKS])
+    clocks, rows, seeds = integers_at(block[A_CLOCK]), integers_at(block[A_ROW]), naturals_at(block[A_SEEDS])
+    p, scratch, extra = floats_at(block[A_P]), floats_at(block[A_SCRATCH]), pointer(z)
+    reward, terminated, truncated = (
+        floats_at(block[A_REWARD]),
+        flags_at(block[A_TERMINATED]),
+        flags_at(block[A_TRUNCATED]),
     )
-    extra, late, substeps, leaps = pointer(z), block[LATE], block[SUBSTEPS], block[LEAPS]
-    period, noise = task[PERIOD], task[NOISE]
-    told = STATE_ROWS if block[TELLS] == 1 else CARRIED
-    most, ended = min(LANES, high - low), 0
-    if shared:
-        load_shared(most, p, decays, work)
-    for i in range(most):
-        work[NOISES + i] = 0.0
-        work[NOISES + LANES + i] = 0.0
+    substeps, leaps, period = block[SUBSTEPS], block[LEAPS], task[PERIOD]
+    ended = 0
     for begin in range(low, high, LANES):
         n = min(LANES, high - begin)
-        if not shared:
-            load_own(begin, n, p, decays, work)
-        for k in range(CARRIED):
-            column = shifted(state, k * drives + begin)
-            for i in range(n):
-                work[k * LANES + i] = column[i]
-        act(n, shifted(actions, begin), task, work)
+        strip = begin // LANES
+        state = shifted(floats_at(block[A_STATE]), strip * STATE_ROWS * LANES)
+        q = shifted(floats_at(block[A_LANES]), (0 if shared else strip) * PARAMETER_ROWS * LANES)
+        clock, row = shifted(clocks, begin), shifted(rows, begin)
+        act(n, shifted(floats_at(block[A_ACTIONS]), begin), task, q, state, work)
+        if task[NOISE] > 0.0:
+            draw_noise(begin, n, task, seeds, work)
         if z is None and block[ONE_BY_ONE] == 0:
-            integrate_lanes(n, leaps, period / leaps, (substeps + leaps - 1) // leaps, shared, picks, work)
+            parts = (substeps + leaps - 1) // leaps
+            integrate_lanes(n, leaps, period / leaps, parts, shared, q, picks, state, work)
         else:
             tables, memory = floats_at(block[A_TABLES]), floats_at(block[A_MEMORY])
-            integrate_each(begin, n, period, substeps, shared, clock, p, tables, memory, extra, scratch, work)
-        if noise > 0.0:
-            draw_noise(begin, n, noise, seeds, work)
-        sense(begin, n, shared, period, clock, p, extra, scratch, work)
-        _refer(begin, n, int(task[HORIZON]), block[SAMPLES], clock, row, references, work)
-        judge(n, task, work)
-        for k in range(told):
-            column = shifted(state, k * drives + begin)
-            for i in range(n):
-                column[i] = work[k * LANES + i]
-        if late > 0:
-            delay_readings(begin, n, late, clock, floats_at(block[A_LINE]), work)
-        ended += _conclude(
-            begin,
+            integrate_each(begin, n, period, substeps, shared, clocks, p, tables, memory, extra, scratch, state)
+        if z is None:
+            sense(padded(n), period, q, state, work)
+        else:
+            sense_each(begin, n, shared, period, clocks, p, scratch, q, state, work)
+        together = refer(n, task, block[SAMPLES], clock, row, floats_at(block[A_REFERENCES]), work)
+        judge(padded(n), task, q, state, work)
+        ended += conclude(
             n,
             task[HORIZON],
             clock,
-            floats_at(block[A_REWARD]),
-            flags_at(block[A_TERMINATED]),
-            flags_at(block[A_TRUNCATED]),
+            shifted(reward, begin),
+            shifted(terminated, begin),
+            shifted(truncated, begin),
             work,
         )
-        _observe_lanes(begin, n, block, clock, row, references, work)
+        if block[TELLS] == 1:
+            told = shifted(floats_at(block[A_TOLD]), strip * TOLD_ROWS * LANES)
+            for k in range(TOLD_ROWS):
+                for i in range(n):
+                    told[k * LANES + i] = work[k * LANES + i]
+        if late > 0:
+            delay_readings(begin, n, late, clocks, floats_at(block[A_LINE]), state, work)
+        seen = shifted(work, SEEN) if late > 0 else shifted(state, READ_1)
+        _observe(begin, n, together, block, seen, state, work)
     block[ENDED] = ended
+    if block[ROLLS] == 1:
+        _roll(block)
 
 
 @inlined
@@ -258,59 +192,57 @@ def reset_fleet(address: int, mask: Any, start: Any, z: Any) -> None:
     ``mask`` (n,) is bool, ``start`` (4,) is x1, v1, x2, v2; the rest is as in :func:`step_fleet`.
     """
     block = integers_at(address)
-    drives, shared, samples = block[DRIVES], block[MODELS] == 1, block[SAMPLES]
-    task, state = floats_at(block[A_TASK]), floats_at(block[A_STATE])
+    shared, samples = block[MODELS] == 1, block[SAMPLES]
     clock, row, seeds = integers_at(block[A_CLOCK]), integers_at(block[A_ROW]), naturals_at(block[A_SEEDS])
-    p, decays, memory = floats_at(block[A_P]), floats_at(block[A_DECAYS]), floats_at(block[A_MEMORY])
     references, reward = floats_at(block[A_REFERENCES]), floats_at(block[A_REWARD])
     terminated, truncated = flags_at(block[A_TERMINATED]), flags_at(block[A_TRUNCATED])
-    period = task[PERIOD]
-    scratch, extra = floats_at(block[A_SCRATCH]), pointer(z)
+    scratch, extra, line = floats_at(block[A_SCRATCH]), pointer(z), floats_at(block[A_LINE])
     space = None if z is None else scratch
     for j in range(block[LOW], block[HIGH]):
         if not mask[j]:
             continue
-        model = 0 if shared else j
-        q = shifted(p, model * N_PARAMETERS)
+        q = shifted(floats_at(block[A_P]), (0 if shared else j) * N_PARAMETERS)
         if block[DRAWN] > 0:
             _draw_parameters(j, q, block, seeds)
-        decays[2 * model] = decay(q[CUTOFF_1], period)
-        decays[2 * model + 1] = decay(q[CUTOFF_2], period)
         if block[REFERENCES] > 1:
             row[j] = int(next_random(seeds, j) * block[REFERENCES])
         clock[j] = 0
         reward[j], terminated[j], truncated[j] = 0.0, 0, 0
-        for k in range(STATE_ROWS):
-            state[k * drives + j] = start[k] if k < 4 else 0.0
-        if block[ONE_BY_ONE] == 1:
-            tabulate(
-                period / block[SUBSTEPS], shifted(floats_at(block[A_TABLES]), model * TABLE_COLUMNS), space, q
-            )
-            for k in range(MEMORY):
-                memory[j * MEMORY + k] = 0.0
+        _prepare(j, shared, block, q, space)
         if z is not None:
             for k in range(N_STATES):
                 extra[j * N_STATES + k] = 0.0
         r1, r2 = readings(start[0], start[2], 0.0, space, q)
-        _fill_line(j, block[LATE], r1, r2, start[1], start[3], floats_at(block[A_LINE]))
-        state[READ_1 * drives + j] = r1
-        state[READ_2 * drives + j] = r2
-        state[SPEED_1 * drives + j] = start[1]
-        state[SPEED_2 * drives + j] = start[3]
-        state[REFERENCE * drives + j] = references[row[j] * samples]
-        state[ERROR * drives + j] = references[row[j] * samples] - (start[2] if q[W2] > 0.0 else start[0])
-        observe(
-            r1,
-            r2,
-            start[1],
-            start[3],
-            0.0,
-            0,
-            block[SENSING],
-            block[PREVIEWS],
-            shifted(references, row[j] * samples),
-            integers_at(block[A_AHEAD]),
-            floats_at(block[A_SCALE]),
-            floats_at(block[A_BOUND]),
-            shifted(singles_at(block[A_OBSERVATION]), j * block[ENTRIES]),
-        )
+        _fill_line(j, block[LATE], r1, r2, start[1], start[3], line)
+        strip, i = j // LANES, j % LANES
+        state = shifted(floats_at(block[A_STATE]), strip * STATE_ROWS * LANES + i)
+        told = shifted(floats_at(block[A_TOLD]), strip * TOLD_ROWS * LANES + i)
+        state[X1], state[V1], state[X2], state[V2] = start[0], start[1], start[2], start[3]
+        state[READ_1], state[READ_2], state[SPEED_1], state[SPEED_2] = r1, r2, start[1], start[3]
+        state[COMMAND] = 0.0
+        for k in range(TOLD_ROWS):
+            told[k * LANES] = 0.0
+        told[REFERENCE] = references[row[j] * samples]
+        told[ERROR] = told[REFERENCE] - (start[2] if q[W2] > 0.0 else start[0])
+        _observe(j, 1, True, block, shifted(state, READ_1), state, told)
+    if block[ROLLS] == 1:
+        _roll(block)
+
+
+@inlined
+def _prepare(j: int, shared: bool, block: Any, q: Any, space: Any) -> None:
+    """Set up what a drive's parameters decide: the lanes' rows, or the step's table; forget past commands."""
+    period = floats_at(block[A_TASK])[PERIOD]
+    strip, i = (0 if shared else j // LANES), j % LANES
+    rows = shifted(floats_at(block[A_LANES]), strip * PARAMETER_ROWS * LANES)
+    decay_1, decay_2 = decay(q[CUTOFF_1], period), decay(q[CUTOFF_2], period)
+    for lane in range(0 if shared else i, LANES if shared else i + 1):
+        for k in range(N_BASE_PARAMETERS):
+            rows[k * LANES + lane] = q[k]
+        rows[DECAY_1 + lane], rows[DECAY_2 + lane] = decay_1, decay_2
+    if block[ONE_BY_ONE] == 1:
+        table = shifted(floats_at(block[A_TABLES]), (0 if shared else j) * TABLE_COLUMNS)
+        tabulate(period / block[SUBSTEPS], table, space, q)
+        memory = shifted(floats_at(block[A_MEMORY]), j * MEMORY)
+        for k in range(MEMORY):
+            memory[k] = 0.0

@@ -12,10 +12,8 @@ from typing import Any
 
 from flexdrive_gym.drive.compilation import inlined, shifted
 from flexdrive_gym.drive.effects import N_BASE_PARAMETERS, N_PARAMETERS, N_STATES
-from flexdrive_gym.drive.forces import level_1, level_2
 from flexdrive_gym.drive.layout import (
     COMMAND,
-    DECAYS,
     E_FREE_1,
     E_FREE_2,
     E_LEFT,
@@ -28,16 +26,15 @@ from flexdrive_gym.drive.layout import (
     E_X2,
     LANES,
     OPEN,
-    PARAMETERS,
     V1,
     V2,
     X1,
     X2,
-    parameters_in_event,
+    padded,
     parameters_of,
 )
 from flexdrive_gym.drive.sample import MEMORY, advance
-from flexdrive_gym.drive.series import arrive, directions, lasts, next_event, search, series, total
+from flexdrive_gym.drive.series import arrive, lasts, next_event, search, series, total
 from flexdrive_gym.drive.step import MAX_EVENTS, TABLE
 
 TABLE_COLUMNS = TABLE + N_PARAMETERS
@@ -45,102 +42,79 @@ _MOVED = 8  # rows of a drive with an event that change
 
 
 @inlined
-def load_shared(n: int, p: Any, decays: Any, work: Any) -> None:
-    """Give n lanes the same parameters, and the lanes of events too."""
-    for k in range(N_BASE_PARAMETERS):
-        value = p[k]
-        for i in range(n):
-            work[PARAMETERS + k * LANES + i] = value
-            work[E_PARAMETERS + k * LANES + i] = value
-    for k in range(2):
-        value = decays[k]
-        for i in range(n):
-            work[DECAYS + k * LANES + i] = value
+def integrate_lanes(
+    n: int, leaps: int, h: float, parts: int, shared: bool, q: Any, picks: Any, state: Any, work: Any
+) -> None:
+    """Advance n drives by ``leaps`` times h; events are searched at ``parts`` instants of a leap where need be.
 
-
-@inlined
-def load_own(low: int, n: int, p: Any, decays: Any, work: Any) -> None:
-    """Give n lanes the parameters of the drives from ``low`` on."""
-    for i in range(n):
-        q = shifted(p, (low + i) * N_PARAMETERS)
-        for k in range(N_BASE_PARAMETERS):
-            work[PARAMETERS + k * LANES + i] = q[k]
-        work[DECAYS + i] = decays[2 * (low + i)]
-        work[DECAYS + LANES + i] = decays[2 * (low + i) + 1]
-
-
-@inlined
-def integrate_lanes(n: int, leaps: int, h: float, parts: int, shared: bool, picks: Any, work: Any) -> None:
-    """Advance n drives by ``leaps`` times h; events are searched at ``parts`` instants of a leap where need be."""
+    ``q`` are rows of parameters, ``state`` and ``work`` as in :mod:`~flexdrive_gym.drive.layout`.
+    """
+    own = q if shared else shifted(work, E_PARAMETERS)
     for _ in range(leaps):
-        _leap(n, h, work)
+        _leap(padded(n), h, q, state, work)
         m = 0
         for i in range(n):
             picks[m] = i
             m += 1 if work[OPEN + i] > 0.0 else 0
         if m > 0:
-            _gather(m, h, shared, picks, work)
+            _gather(m, h, shared, q, picks, state, work)
             for _attempt in range(MAX_EVENTS):
-                _pieces(m, work)
+                _pieces(padded(m), own, work)
                 for e in range(m):
                     if work[E_UNSURE + e] > 0.0:
-                        _uncertain_piece(e, parts, work)
-                m = _scatter(m, shared, picks, work)
+                        _uncertain_piece(e, parts, own, work)
+                m = _scatter(m, shared, picks, state, work)
                 if m == 0:
                     break
-            _give_up(m, picks, work)
+            for e in range(m):
+                _give_up(e, picks[e], own, state, work)
 
 
 @inlined
-def _leap(n: int, h: float, work: Any) -> None:
+def _leap(n: int, h: float, q: Any, state: Any, work: Any) -> None:
     """Advance the drives without an event; mark the others."""
     for i in range(n):
-        x1, v1 = work[X1 * LANES + i], work[V1 * LANES + i]
-        x2, v2 = work[X2 * LANES + i], work[V2 * LANES + i]
-        u, q = work[COMMAND * LANES + i], parameters_of(work, i)
-        s1, s2 = directions(x1, v1, x2, v2, u, 0.0, 0.0, q)
-        y1, w1, y2, w2, c1, c2 = series(x1, v1, x2, v2, s1, s2, u, h, q)
-        quiet_1 = lasts(c1, s1, level_1(x1, v1, s1, 0.0, 0.0, None, 0, q))
-        quiet_2 = lasts(c2, s2, level_2(x2, v2, s2, 0.0, 0.0, None, 0, q))
-        quiet = quiet_1 & quiet_2
-        work[X1 * LANES + i] = total(y1) if quiet else x1
-        work[V1 * LANES + i] = total(w1) if quiet else v1
-        work[X2 * LANES + i] = total(y2) if quiet else x2
-        work[V2 * LANES + i] = total(w2) if quiet else v2
+        x1, v1, x2, v2 = state[X1 + i], state[V1 + i], state[X2 + i], state[V2 + i]
+        y1, w1, y2, w2, c1, c2, s1, s2, f1, f2 = series(
+            x1, v1, x2, v2, 0.0, 0.0, state[COMMAND + i], h, parameters_of(q, i)
+        )
+        quiet = lasts(c1, s1, f1) & lasts(c2, s2, f2)
+        state[X1 + i] = total(y1) if quiet else x1
+        state[V1 + i] = total(w1) if quiet else v1
+        state[X2 + i] = total(y2) if quiet else x2
+        state[V2 + i] = total(w2) if quiet else v2
         work[OPEN + i] = 0.0 if quiet else 1.0
 
 
 @inlined
-def _gather(m: int, h: float, shared: bool, picks: Any, work: Any) -> None:
-    """Move the picked drives together."""
-    for e in range(m):
+def _gather(m: int, h: float, shared: bool, q: Any, picks: Any, state: Any, work: Any) -> None:
+    """Move the picked drives together, and fill the last vector up with one of them."""
+    for e in range(m, padded(m)):
+        picks[e] = picks[0]
+    for e in range(padded(m)):
         i = picks[e]
-        work[E_X1 + e] = work[X1 * LANES + i]
-        work[E_V1 + e] = work[V1 * LANES + i]
-        work[E_X2 + e] = work[X2 * LANES + i]
-        work[E_V2 + e] = work[V2 * LANES + i]
-        work[E_U + e] = work[COMMAND * LANES + i]
+        work[E_X1 + e] = state[X1 + i]
+        work[E_V1 + e] = state[V1 + i]
+        work[E_X2 + e] = state[X2 + i]
+        work[E_V2 + e] = state[V2 + i]
+        work[E_U + e] = state[COMMAND + i]
         work[E_LEFT + e] = h
         work[E_FREE_1 + e] = 0.0
         work[E_FREE_2 + e] = 0.0
     if not shared:
         for k in range(N_BASE_PARAMETERS):
-            for e in range(m):
-                work[E_PARAMETERS + k * LANES + e] = work[PARAMETERS + k * LANES + picks[e]]
+            for e in range(padded(m)):
+                work[E_PARAMETERS + k * LANES + e] = q[k * LANES + picks[e]]
 
 
 @inlined
-def _pieces(m: int, work: Any) -> None:
+def _pieces(m: int, q: Any, work: Any) -> None:
     """Advance m drives to their next event or the end of the leap; mark those where that is uncertain."""
     for e in range(m):
         x1, v1, x2, v2 = work[E_X1 + e], work[E_V1 + e], work[E_X2 + e], work[E_V2 + e]
-        u, h, q = work[E_U + e], work[E_LEFT + e], parameters_in_event(work, e)
-        free_1, free_2 = work[E_FREE_1 + e], work[E_FREE_2 + e]
-        s1, s2 = directions(x1, v1, x2, v2, u, free_1, free_2, q)
-        y1, w1, y2, w2, c1, c2 = series(x1, v1, x2, v2, s1, s2, u, h, q)
-        t1, side_1, sure_1 = next_event(c1, s1, level_1(x1, v1, s1, 0.0, 0.0, None, 0, q))
-        t2, side_2, sure_2 = next_event(c2, s2, level_2(x2, v2, s2, 0.0, 0.0, None, 0, q))
-        sure = sure_1 & sure_2
+        u, h, free_1, free_2 = work[E_U + e], work[E_LEFT + e], work[E_FREE_1 + e], work[E_FREE_2 + e]
+        y1, w1, y2, w2, c1, c2, s1, s2, f1, f2 = series(x1, v1, x2, v2, free_1, free_2, u, h, parameters_of(q, e))
+        t1, t2, side_1, side_2, sure = next_event(c1, c2, s1, s2, f1, f2)
         z1, g1, z2, g2, left, new_1, new_2 = arrive(y1, w1, y2, w2, s1, s2, t1, t2, side_1, side_2)
         work[E_X1 + e] = z1 if sure else x1
         work[E_V1 + e] = g1 if sure else v1
@@ -153,13 +127,11 @@ def _pieces(m: int, work: Any) -> None:
 
 
 @inlined
-def _uncertain_piece(e: int, parts: int, work: Any) -> None:
+def _uncertain_piece(e: int, parts: int, q: Any, work: Any) -> None:
     """Do for one drive what :func:`_pieces` does, searching for its events."""
     x1, v1, x2, v2 = work[E_X1 + e], work[E_V1 + e], work[E_X2 + e], work[E_V2 + e]
-    u, h, q = work[E_U + e], work[E_LEFT + e], parameters_in_event(work, e)
-    s1, s2 = directions(x1, v1, x2, v2, u, work[E_FREE_1 + e], work[E_FREE_2 + e], q)
-    y1, w1, y2, w2, c, d = series(x1, v1, x2, v2, s1, s2, u, h, q)
-    f1, f2 = level_1(x1, v1, s1, 0.0, 0.0, None, 0, q), level_2(x2, v2, s2, 0.0, 0.0, None, 0, q)
+    u, h, free_1, free_2 = work[E_U + e], work[E_LEFT + e], work[E_FREE_1 + e], work[E_FREE_2 + e]
+    y1, w1, y2, w2, c, d, s1, s2, f1, f2 = series(x1, v1, x2, v2, free_1, free_2, u, h, parameters_of(q, e))
     t1, side_1 = search(c[0], c[1], c[2], c[3], c[4], c[5], c[6], s1, f1, parts)
     t2, side_2 = search(d[0], d[1], d[2], d[3], d[4], d[5], d[6], s2, f2, parts)
     z1, g1, z2, g2, left, new_1, new_2 = arrive(y1, w1, y2, w2, s1, s2, t1, t2, side_1, side_2)
@@ -169,39 +141,37 @@ def _uncertain_piece(e: int, parts: int, work: Any) -> None:
 
 
 @inlined
-def _scatter(m: int, shared: bool, picks: Any, work: Any) -> int:
+def _scatter(m: int, shared: bool, picks: Any, state: Any, work: Any) -> int:
     """Put the drives that reached the end back into their lanes; move the others together and return how many they are."""
     left = 0
     for e in range(m):
         i = picks[e]
         if work[E_LEFT + e] > 0.0:
-            picks[left] = i
-            for k in range(_MOVED):
-                work[E_X1 + k * LANES + left] = work[E_X1 + k * LANES + e]
-            if not shared:
-                for k in range(N_BASE_PARAMETERS):
-                    work[E_PARAMETERS + k * LANES + left] = work[E_PARAMETERS + k * LANES + e]
+            if left < e:
+                picks[left] = i
+                for k in range(_MOVED):
+                    work[E_X1 + k * LANES + left] = work[E_X1 + k * LANES + e]
+                if not shared:
+                    for k in range(N_BASE_PARAMETERS):
+                        work[E_PARAMETERS + k * LANES + left] = work[E_PARAMETERS + k * LANES + e]
             left += 1
         else:
-            work[X1 * LANES + i] = work[E_X1 + e]
-            work[V1 * LANES + i] = work[E_V1 + e]
-            work[X2 * LANES + i] = work[E_X2 + e]
-            work[V2 * LANES + i] = work[E_V2 + e]
+            state[X1 + i] = work[E_X1 + e]
+            state[V1 + i] = work[E_V1 + e]
+            state[X2 + i] = work[E_X2 + e]
+            state[V2 + i] = work[E_V2 + e]
     return left
 
 
 @inlined
-def _give_up(m: int, picks: Any, work: Any) -> None:
-    """Let drives with very many events finish the leap in their present mode; a cart that came back through zero rests."""
-    for e in range(m):
-        i = picks[e]
-        x1, v1, x2, v2 = work[E_X1 + e], work[E_V1 + e], work[E_X2 + e], work[E_V2 + e]
-        u, q = work[E_U + e], parameters_in_event(work, e)
-        s1, s2 = directions(x1, v1, x2, v2, u, work[E_FREE_1 + e], work[E_FREE_2 + e], q)
-        y1, w1, y2, w2, _c1, _c2 = series(x1, v1, x2, v2, s1, s2, u, work[E_LEFT + e], q)
-        work[X1 * LANES + i], work[X2 * LANES + i] = total(y1), total(y2)
-        work[V1 * LANES + i] = total(w1) if s1 * total(w1) > 0.0 else 0.0
-        work[V2 * LANES + i] = total(w2) if s2 * total(w2) > 0.0 else 0.0
+def _give_up(e: int, i: int, q: Any, state: Any, work: Any) -> None:
+    """Let a drive with very many events finish the leap in its present mode; a cart that came back through zero rests."""
+    x1, v1, x2, v2 = work[E_X1 + e], work[E_V1 + e], work[E_X2 + e], work[E_V2 + e]
+    u, h, free_1, free_2 = work[E_U + e], work[E_LEFT + e], work[E_FREE_1 + e], work[E_FREE_2 + e]
+    y1, w1, y2, w2, _c1, _c2, s1, s2, _f1, _f2 = series(x1, v1, x2, v2, free_1, free_2, u, h, parameters_of(q, e))
+    state[X1 + i], state[X2 + i] = total(y1), total(y2)
+    state[V1 + i] = total(w1) if s1 * total(w1) > 0.0 else 0.0
+    state[V2 + i] = total(w2) if s2 * total(w2) > 0.0 else 0.0
 
 
 @inlined
@@ -217,7 +187,7 @@ def integrate_each(
     memory: Any,
     z: Any,
     scratch: Any,
-    work: Any,
+    state: Any,
 ) -> None:
     """Integrate n drives one by one: some delay their command, or have effects beyond the base."""
     for i in range(n):
@@ -228,11 +198,11 @@ def integrate_each(
                 scratch[k] = z[j * N_STATES + k]
         space = None if z is None else scratch
         x1, v1, x2, v2 = advance(
-            work[X1 * LANES + i],
-            work[V1 * LANES + i],
-            work[X2 * LANES + i],
-            work[V2 * LANES + i],
-            work[COMMAND * LANES + i],
+            state[X1 + i],
+            state[V1 + i],
+            state[X2 + i],
+            state[V2 + i],
+            state[COMMAND + i],
             clock[j] * period,
             period,
             substeps,
@@ -241,10 +211,10 @@ def integrate_each(
             space,
             shifted(p, row * N_PARAMETERS),
         )
-        work[X1 * LANES + i] = x1
-        work[V1 * LANES + i] = v1
-        work[X2 * LANES + i] = x2
-        work[V2 * LANES + i] = v2
+        state[X1 + i] = x1
+        state[V1 + i] = v1
+        state[X2 + i] = x2
+        state[V2 + i] = v2
         if z is not None:
             for k in range(N_STATES):
                 z[j * N_STATES + k] = scratch[k]

@@ -11,19 +11,23 @@ from flexdrive_gym.drive.effects import N_PARAMETERS
 from flexdrive_gym.drive.forces import W2, limited, readings
 from flexdrive_gym.drive.layout import (
     COMMAND,
-    DECAYS,
+    DECAY_1,
+    DECAY_2,
     EFFORT,
     ERROR,
     ERROR_SCALE,
     FAILURE,
+    HORIZON,
     LANES,
-    NOISES,
+    NOISE,
+    NOISE_1,
+    NOISE_2,
     OPEN,
-    PARAMETERS,
     RATE,
     READ_1,
     READ_2,
     REFERENCE,
+    SEEN,
     SPEED_1,
     SPEED_2,
     STROKE,
@@ -60,118 +64,118 @@ def next_normal(seeds: Any, j: int) -> float:
 
 
 @inlined
-def act(n: int, actions: Any, task: Any, work: Any) -> None:
+def act(n: int, actions: Any, task: Any, q: Any, state: Any, work: Any) -> None:
     """Limit the commands and charge their change."""
     voltage, weight, per_volt = task[VOLTAGE], task[WEIGHT_RATE], 1.0 / task[VOLTAGE]
     for i in range(n):
-        old = work[COMMAND * LANES + i]
-        new = limited(min(max(actions[i], -1.0), 1.0) * voltage, parameters_of(work, i))
+        old = state[COMMAND + i]
+        new = limited(min(max(actions[i], -1.0), 1.0) * voltage, parameters_of(q, i))
         change = (new - old) * per_volt
-        work[RATE * LANES + i] = -weight * change * change
-        work[COMMAND * LANES + i] = new
+        work[RATE + i] = -weight * change * change
+        state[COMMAND + i] = new
 
 
 @inlined
-def draw_noise(low: int, n: int, noise: float, seeds: Any, work: Any) -> None:
+def draw_noise(low: int, n: int, task: Any, seeds: Any, work: Any) -> None:
     """Draw the noise of both encoders."""
     for i in range(n):
-        work[NOISES + i] = noise * next_normal(seeds, low + i)
-        work[NOISES + LANES + i] = noise * next_normal(seeds, low + i)
+        work[NOISE_1 + i] = task[NOISE] * next_normal(seeds, low + i)
+        work[NOISE_2 + i] = task[NOISE] * next_normal(seeds, low + i)
 
 
 @inlined
-def _differentiate(i: int, r1: float, r2: float, period: float, work: Any) -> None:
+def _differentiate(i: int, r1: float, r2: float, period: float, q: Any, state: Any) -> None:
     """Make velocities from new readings and keep both."""
-    work[SPEED_1 * LANES + i] = velocity(
-        r1, work[READ_1 * LANES + i], work[SPEED_1 * LANES + i], work[DECAYS + i], period
-    )
-    work[SPEED_2 * LANES + i] = velocity(
-        r2, work[READ_2 * LANES + i], work[SPEED_2 * LANES + i], work[DECAYS + LANES + i], period
-    )
-    work[READ_1 * LANES + i] = r1
-    work[READ_2 * LANES + i] = r2
+    state[SPEED_1 + i] = velocity(r1, state[READ_1 + i], state[SPEED_1 + i], q[DECAY_1 + i], period)
+    state[SPEED_2 + i] = velocity(r2, state[READ_2 + i], state[SPEED_2 + i], q[DECAY_2 + i], period)
+    state[READ_1 + i] = r1
+    state[READ_2 + i] = r2
 
 
 @inlined
-def sense(low: int, n: int, shared: bool, period: float, clock: Any, p: Any, z: Any, scratch: Any, work: Any) -> None:
-    """Read the encoders."""
+def sense(n: int, period: float, q: Any, state: Any, work: Any) -> None:
+    """Read the encoders of drives with base effects."""
     for i in range(n):
-        x1, x2 = work[X1 * LANES + i], work[X2 * LANES + i]
-        if z is None:
-            r1, r2 = readings(x1, x2, 0.0, None, parameters_of(work, i))
-        else:
-            j = low + i
-            q = shifted(p, (0 if shared else j) * N_PARAMETERS)
-            r1, r2 = readings(x1, x2, (clock[j] + 1) * period, scratch, q)
-        _differentiate(i, r1 + work[NOISES + i], r2 + work[NOISES + LANES + i], period, work)
+        r1, r2 = readings(state[X1 + i], state[X2 + i], 0.0, None, parameters_of(q, i))
+        _differentiate(i, r1 + work[NOISE_1 + i], r2 + work[NOISE_2 + i], period, q, state)
 
 
 @inlined
-def delay_readings(low: int, n: int, late: int, clock: Any, line: Any, work: Any) -> None:
-    """Swap the readings for those of ``late`` control periods ago; ``line`` is a ring of them per drive."""
+def sense_each(
+    low: int, n: int, shared: bool, period: float, clock: Any, p: Any, z: Any, q: Any, state: Any, work: Any
+) -> None:
+    """Read the encoders of drives with further effects."""
+    for i in range(n):
+        j = low + i
+        mine = shifted(p, (0 if shared else j) * N_PARAMETERS)
+        r1, r2 = readings(state[X1 + i], state[X2 + i], (clock[j] + 1) * period, z, mine)
+        _differentiate(i, r1 + work[NOISE_1 + i], r2 + work[NOISE_2 + i], period, q, state)
+
+
+@inlined
+def delay_readings(low: int, n: int, late: int, clock: Any, line: Any, state: Any, work: Any) -> None:
+    """Show the readings of ``late`` control periods ago; ``line`` is a ring of them per drive."""
     for i in range(n):
         j = low + i
         slot = shifted(line, (j * late + clock[j] % late) * 4)
         for k in range(4):
-            now = work[(READ_1 + k) * LANES + i]
-            work[(READ_1 + k) * LANES + i] = slot[k]
-            slot[k] = now
+            work[SEEN + k * LANES + i] = slot[k]
+            slot[k] = state[READ_1 + k * LANES + i]
 
 
 @inlined
-def judge(n: int, task: Any, work: Any) -> None:
+def refer(n: int, task: Any, samples: int, clock: Any, row: Any, references: Any, work: Any) -> bool:
+    """Advance the clocks and look the reference up; return whether all drives are at the same place of it.
+
+    Clocks stop one period after the time limit, where the reference ends.
+    """
+    last = int(task[HORIZON]) + 1
+    different = 0
+    for i in range(n):
+        now = min(clock[i] + 1, last)
+        clock[i] = now
+    for i in range(n):
+        different += 1 if (clock[i] != clock[0]) | (row[i] != row[0]) else 0
+    if different == 0:
+        here = references[row[0] * samples + clock[0]]
+        for i in range(n):
+            work[REFERENCE + i] = here
+    else:
+        for i in range(n):
+            work[REFERENCE + i] = references[row[i] * samples + clock[i]]
+    return different == 0
+
+
+@inlined
+def judge(n: int, task: Any, q: Any, state: Any, work: Any) -> None:
     """Compare the controlled cart (cart 2, or the only one) with the reference; charge error, effort and failure."""
     per_error, per_volt, travel, stroke = 1.0 / task[ERROR_SCALE], 1.0 / task[VOLTAGE], task[TRAVEL], task[STROKE]
     tracking, effort, failure = task[WEIGHT_TRACKING], task[WEIGHT_EFFORT], task[WEIGHT_FAILURE]
     for i in range(n):
-        x1, x2 = work[X1 * LANES + i], work[X2 * LANES + i]
-        two = work[PARAMETERS + W2 * LANES + i] > 0.0
-        error = work[REFERENCE * LANES + i] - (x2 if two else x1)
-        e, u = error * per_error, work[COMMAND * LANES + i] * per_volt
+        x1, x2 = state[X1 + i], state[X2 + i]
+        two = q[W2 * LANES + i] > 0.0
+        error = work[REFERENCE + i] - (x2 if two else x1)
+        e, u = error * per_error, state[COMMAND + i] * per_volt
         reach = max(abs(x1), abs(x2)) - travel
         stretch = abs(x1 - x2) - stroke if two else -1.0
-        work[ERROR * LANES + i] = error
-        work[TRACKING * LANES + i] = -tracking * e * e
-        work[EFFORT * LANES + i] = -effort * u * u
-        work[FAILURE * LANES + i] = -failure if max(reach, stretch) > 0.0 else 0.0
+        work[ERROR + i] = error
+        work[TRACKING + i] = -tracking * e * e
+        work[EFFORT + i] = -effort * u * u
+        work[FAILURE + i] = -failure if max(reach, stretch) > 0.0 else 0.0
         work[OPEN + i] = max(reach, stretch)
 
 
 @inlined
-def _entry(value: float, scale: Any, bound: Any, k: int) -> float:
-    return min(max(value * scale[k], -bound[k]), bound[k])
-
-
-@inlined
-def observe(
-    read_1: float,
-    read_2: float,
-    speed_1: float,
-    speed_2: float,
-    command: float,
-    clock: int,
-    sensing: int,
-    previews: int,
-    reference: Any,
-    ahead: Any,
-    scale: Any,
-    bound: Any,
-    out: Any,
-) -> None:
-    """Write one drive's observation: position and velocity of the chosen encoder(s), error, reference, command, preview."""
-    k = 0
-    if sensing != 2:
-        out[0] = _entry(read_1, scale, bound, 0)
-        out[1] = _entry(speed_1, scale, bound, 1)
-        k = 2
-    if sensing != 1:
-        out[k] = _entry(read_2, scale, bound, k)
-        out[k + 1] = _entry(speed_2, scale, bound, k + 1)
-        k += 2
-    now = reference[clock]
-    out[k] = _entry(now - (read_1 if sensing == 1 else read_2), scale, bound, k)
-    out[k + 1] = _entry(now, scale, bound, k + 1)
-    out[k + 2] = _entry(command, scale, bound, k + 2)
-    k += 3
-    for i in range(previews):
-        out[k + i] = _entry(reference[clock + ahead[i]], scale, bound, k + i)
+def conclude(
+    n: int, horizon: float, clock: Any, reward: Any, terminated: Any, truncated: Any, work: Any
+) -> int:
+    """Sum the reward up and say whose episode ends and how; return how many do."""
+    ended = 0
+    for i in range(n):
+        lost, over = work[OPEN + i] > 0.0, clock[i] >= horizon
+        terminated[i] = 1 if lost else 0
+        truncated[i] = 1 if over & (not lost) else 0
+        ended += 1 if lost | over else 0
+    for i in range(n):
+        reward[i] = work[TRACKING + i] + work[EFFORT + i] + work[RATE + i] + work[FAILURE + i]
+    return ended

@@ -29,10 +29,10 @@ from flexdrive_gym.drive.forces import (
     W2,
     force_1,
     force_2,
+    hold_1,
+    hold_2,
     level_1,
     level_2,
-    margin_1,
-    margin_2,
     spring_force,
 )
 
@@ -50,30 +50,29 @@ def _forces(x1: float, v1: float, x2: float, v2: float, u: float, p: Any) -> tup
 
 
 @inlined
-def directions(
-    x1: float, v1: float, x2: float, v2: float, u: float, released_1: float, released_2: float, p: Any
-) -> tuple[float, float]:
-    """Return in which direction each cart slides from now on, 0 if it sticks."""
-    over_1, sign_1 = margin_1(x1, x2, v2, u, 0.0, None, 0, p)
-    over_2, sign_2 = margin_2(x1, x2, v1, 0.0, None, 0, p)
-    rest_1 = released_1 if released_1 != 0.0 else (sign_1 if over_1 > 0.0 else 0.0)
-    rest_2 = released_2 if released_2 != 0.0 else (sign_2 if over_2 > 0.0 else 0.0)
-    return (
-        (1.0 if v1 > 0.0 else -1.0) if v1 != 0.0 else rest_1,
-        (1.0 if v2 > 0.0 else -1.0) if v2 != 0.0 else rest_2,
-    )
+def _direction(v: float, released: float, force: float, hold: float) -> float:
+    """Return in which direction a cart slides from now on, 0 if it sticks."""
+    loose = released if released != 0.0 else ((1.0 if force > 0.0 else -1.0) if abs(force) > hold else 0.0)
+    return (1.0 if v > 0.0 else -1.0) if v != 0.0 else loose
 
 
 @inlined
-def series(x1: float, v1: float, x2: float, v2: float, s1: float, s2: float, u: float, h: float, p: Any) -> Any:
-    """Return the power series over h: x1, v1, x2, v2 (seven coefficients each) and the slacks' (six each).
+def series(
+    x1: float, v1: float, x2: float, v2: float, released_1: float, released_2: float, u: float, h: float, p: Any
+) -> Any:
+    """Return the motion over h: power series of x1, v1, x2, v2, then slack, direction and friction of either cart.
 
-    A slack is the velocity of a sliding cart, and the force on a sticking one; friction is not subtracted yet.
+    A slack is the velocity of a sliding cart and the force on a sticking one, friction not subtracted yet. ``released`` is
+    the direction in which a cart was just torn loose, else 0. All series have seven coefficients.
     """
+    fs = spring_force(x1 - x2, v1 - v2, None, 0, p)
+    f0, g0 = force_1(x1, v1, u, fs, 0.0, None, 0, p), force_2(x2, v2, fs, 0.0, None, 0, p)
+    s1 = _direction(v1, released_1, f0, hold_1(x1, 1.0 if f0 > 0.0 else -1.0, fs, 0.0, None, 0, p))
+    s2 = _direction(v2, released_2, g0, hold_2(x2, 1.0 if g0 > 0.0 else -1.0, fs, 0.0, None, 0, p))
+    level1, level2 = level_1(x1, v1, s1, fs, 0.0, None, 0, p), level_2(x2, v2, s2, fs, 0.0, None, 0, p)
     w1, w2 = (p[W1] * h if s1 != 0.0 else 0.0), (p[W2] * h if s2 != 0.0 else 0.0)
-    f0, g0 = _forces(x1, v1, x2, v2, u, p)
-    a1, b1 = h * v1, w1 * (f0 - s1 * level_1(x1, v1, s1, 0.0, 0.0, None, 0, p))
-    c1, d1 = h * v2, w2 * (g0 - s2 * level_2(x2, v2, s2, 0.0, 0.0, None, 0, p))
+    a1, b1 = h * v1, w1 * (f0 - s1 * level1)
+    c1, d1 = h * v2, w2 * (g0 - s2 * level2)
     f1, g1 = _forces(a1, b1, c1, d1, 0.0, p)
     a2, b2, c2, d2 = h * _HALF * b1, w1 * _HALF * f1, h * _HALF * d1, w2 * _HALF * g1
     f2, g2 = _forces(a2, b2, c2, d2, 0.0, p)
@@ -108,6 +107,10 @@ def series(x1: float, v1: float, x2: float, v2: float, s1: float, s2: float, u: 
             d5 if m2 else g5,
             d6 if m2 else 0.0,
         ),
+        s1,
+        s2,
+        level1,
+        level2,
     )
 
 
@@ -142,48 +145,62 @@ def lasts(c: Any, s: float, level: float) -> bool:
 
 
 @inlined
-def slack(c: Any, s: float, level: float) -> tuple[Any, float, float]:
-    """Return the slack's polynomial, its value at the end, and the side on which a sticking cart would tear loose."""
-    end = total(c)
-    side = 1.0 if end > 0.0 else -1.0
+def _slack(c: Any, s: float, level: float) -> Any:
+    """Return the slack as a polynomial that is positive until the event, and to which side the cart would tear loose."""
+    side = 1.0 if total(c) > 0.0 else -1.0
     f = s if s != 0.0 else -side
-    q = (f * c[0] + (0.0 if s != 0.0 else level), f * c[1], f * c[2], f * c[3], f * c[4], f * c[5], f * c[6])
-    return q, total(q), side
+    start = 0.0 if s != 0.0 else level
+    return (f * c[0] + start, f * c[1], f * c[2], f * c[3], f * c[4], f * c[5], f * c[6]), side
 
 
 @inlined
-def _once(q: Any, end: float) -> bool:
+def _once(q: Any) -> bool:
     """Whether a slack surely has exactly one root: opposite signs at both ends, and monotone or curved one way only."""
     r2, r3, r4, r5, r6 = abs(q[2]), abs(q[3]), abs(q[4]), abs(q[5]), abs(q[6])
     monotone = 2.0 * r2 + 3.0 * r3 + 4.0 * r4 + 5.0 * r5 + 6.0 * r6 <= abs(q[1])
     curved = 6.0 * r3 + 12.0 * r4 + 20.0 * r5 + 30.0 * r6 <= 2.0 * r2
-    return (q[0] > 0.0) & (end < 0.0) & (monotone | curved)
+    return (q[0] > 0.0) & (total(q) < 0.0) & (monotone | curved)
 
 
 @inlined
-def _root(q: Any) -> float:
-    """Return the root of a slack that has one: the quadratic part's, then two of Newton's steps."""
-    t = 2.0 * q[0] / (np.sqrt(max(q[1] * q[1] - 4.0 * q[0] * q[2], 0.0)) - q[1])
-    t -= _value(q, t) / _slope(q, t)
-    t -= _value(q, t) / _slope(q, t)
-    return t
+def _guess(q: Any) -> float:
+    """Return the root of a slack's quadratic part."""
+    return 2.0 * q[0] / (np.sqrt(max(q[1] * q[1] - 4.0 * q[0] * q[2], 0.0)) - q[1])
 
 
 @inlined
-def _is_root(q: Any, t: float) -> bool:
-    return (abs(_value(q, t)) <= 1e-13 * (abs(q[0]) + abs(q[1]) + abs(q[2]))) & (t > 0.0) & (t <= 1.0)
+def next_event(c1: Any, c2: Any, s1: float, s2: float, level1: float, level2: float) -> Any:
+    """Return when the first cart's mode ends, which cart's, to which sides carts tear loose, and whether that is certain.
 
-
-@inlined
-def next_event(c: Any, s: float, level: float) -> tuple[float, float, bool]:
-    """Return when a cart's mode ends (beyond 1: not at all), the side it tears loose to, and whether that is certain."""
-    q, end, side = slack(c, s, level)
-    t = _root(q)
+    The instants are :data:`_NEVER` for carts that keep their mode, or do so for longer than the other.
+    """
+    quiet_1, quiet_2 = lasts(c1, s1, level1), lasts(c2, s2, level2)
+    q1, side_1 = _slack(c1, s1, level1)
+    q2, side_2 = _slack(c2, s2, level2)
     # a sticking cart may not leave on the other side before
-    other = (s != 0.0) | (level + side * (c[0] + 0.5 * c[1]) >= 0.0)
-    found = _once(q, end) & other & _is_root(q, t)
-    quiet = lasts(c, s, level)
-    return (_NEVER if quiet else t), side, quiet | found
+    alone_1 = _once(q1) & ((s1 != 0.0) | (level1 + side_1 * (c1[0] + 0.5 * c1[1]) >= 0.0))
+    alone_2 = _once(q2) & ((s2 != 0.0) | (level2 + side_2 * (c2[0] + 0.5 * c2[1]) >= 0.0))
+    t1 = _NEVER if quiet_1 else _guess(q1)
+    t2 = _NEVER if quiet_2 else _guess(q2)
+    first = t1 < t2
+    q = (
+        q1[0] if first else q2[0],
+        q1[1] if first else q2[1],
+        q1[2] if first else q2[2],
+        q1[3] if first else q2[3],
+        q1[4] if first else q2[4],
+        q1[5] if first else q2[5],
+        q1[6] if first else q2[6],
+    )
+    t = t1 if first else t2
+    t -= _value(q, t) / _slope(q, t)
+    t -= _value(q, t) / _slope(q, t)
+    found = (abs(_value(q, t)) <= 1e-13 * (abs(q[0]) + abs(q[1]) + abs(q[2]))) & (t > 0.0) & (t <= 1.0)
+    # both at about the same time: whichever is first is not for a guess to say
+    apart = abs(t1 - t2) > 1e-2
+    none = quiet_1 & quiet_2
+    sure = none | ((quiet_1 | alone_1) & (quiet_2 | alone_2) & found & apart)
+    return (t if first & ~none else _NEVER), (_NEVER if first | none else t), side_1, side_2, sure
 
 
 @called
