@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from math import nan
 from typing import TYPE_CHECKING, Any, Literal, cast
 
@@ -11,11 +12,11 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
-from flexdrive_gym.drive import fleet as kernels
 from flexdrive_gym.drive.compilation import compiled_before
 from flexdrive_gym.drive.drive import Drive
 from flexdrive_gym.drive.linear import LinearDrive
 from flexdrive_gym.fleet import Fleet
+from flexdrive_gym.info import PLACEHOLDER, Unread
 from flexdrive_gym.task import Task
 
 if TYPE_CHECKING:
@@ -76,10 +77,19 @@ class FlexDriveEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         self.action_space = action_space()
         self.observation_space = observation_space(self._fleet)
         # reading and writing single numbers through memoryviews takes a third of the time that array indexing takes
-        fleet: Any = self._fleet
-        self._actions: Any = memoryview(fleet.actions)
+        fleet, out = self._fleet, self._fleet.outputs
+        views: list[Any] = [memoryview(a) for a in (fleet.actions, out.reward, out.terminated, out.truncated)]  # type: ignore[arg-type]
+        self._actions, self._reward, self._terminated, self._truncated = views
+        self._call = fleet.roll()
+        self._rows: Iterator[tuple[int, Observation]] = iter(())
         self._renderer: Renderer | None = None
         self._seeded = False
+
+    def _next_row(self) -> tuple[int, Observation]:
+        """Return number and array of the next observation; they are made in chunks, which takes less time."""
+        chunk = self._fleet.chunk()
+        self._records, self._rows = chunk.records, enumerate(chunk.observations)
+        return next(self._rows)
 
     def __getstate__(self) -> dict[str, Any]:
         kept = {k: v for k, v in self.__dict__.items() if k not in _REBUILT}
@@ -131,12 +141,13 @@ class FlexDriveEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         if seed is not None or not self._seeded:
             self._fleet.seed([int(self.np_random.integers(2**62)) if seed is None else seed])
             self._seeded = True
+        _at, observation = next(self._rows, None) or self._next_row()
         self._fleet.reset(start=(options or {}).get("state", (0.0, 0.0, 0.0, 0.0)))
         if self.render_mode is not None:
             if self._renderer is not None:
                 self._renderer.reset()
             self._record()
-        return self._fleet.outputs.observation[0].copy(), self._info()
+        return observation, self._info()
 
     def step(self, action: npt.NDArray[np.float32]) -> tuple[Observation, float, bool, bool, Info]:
         """Hold a command for one control period.
@@ -146,12 +157,14 @@ class FlexDriveEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         action : ndarray, shape (1,)
             Command over the voltage limit; clipped to [-1, 1].
         """
-        self._actions[0] = float(action[0])
-        self._fleet.step()
-        out = self._fleet.outputs
+        at, observation = next(self._rows, None) or self._next_row()
+        self._actions[0] = action[0]
+        self._call()
+        info = Unread(PLACEHOLDER)
+        info.records, info.at = self._records, at
         if self.render_mode is not None:
             self._record()
-        return out.observation[0].copy(), float(out.reward[0]), bool(out.terminated[0]), bool(out.truncated[0]), self._info()
+        return observation, self._reward[0], self._terminated[0], self._truncated[0], info
 
     def _info(self) -> Info:
         return {key: float(values[0]) for key, values in self._fleet.state().items()}
@@ -191,5 +204,7 @@ class FlexDriveEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             self._renderer = None
 
 
-_REBUILT = {"_fleet", "_state", "_renderer", "_actions"}
+_REBUILT = {
+    "_fleet", "_renderer", "_actions", "_reward", "_terminated", "_truncated", "_call", "_rows", "_records"
+}  # fmt: skip
 _KEPT = ("actions", "state", "clock", "seeds", "p", "row", "memory", "tables", "lanes", "told", "line")

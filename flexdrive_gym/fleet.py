@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 from math import ceil, sqrt
 from sys import getrefcount
@@ -53,6 +55,16 @@ class Outputs:
             + getrefcount(self.terminated)
             + getrefcount(self.truncated)
         )
+
+
+class Chunk:
+    """What a single drive's next steps write, a row each: ``observations`` and ``records`` in the order of :data:`KEYS`."""
+
+    STEPS = 64
+
+    def __init__(self, entries: int) -> None:
+        self.observations = np.zeros((self.STEPS, entries), dtype=np.float32)
+        self.records = np.zeros((self.STEPS, len(KEYS)))
 
 
 class Fleet:
@@ -184,6 +196,20 @@ class Fleet:
         old, self.outputs = self.outputs, self._unused()
         for name in OUTPUTS:
             getattr(self.outputs, name)[...] = getattr(old, name)
+
+    def roll(self) -> Callable[[], None]:
+        """Return a call that steps the only drive into the next row of :meth:`chunk`, for which there must be room."""
+        block = self.outputs.blocks[0]
+        block[layout.ROLLS] = 1
+        return partial(self._kernel, self.outputs.addresses[0], self.z)
+
+    def chunk(self) -> Chunk:
+        """Let the next steps and resets of the only drive write into a fresh chunk."""
+        chunk, block = Chunk(len(self.bound)), self.outputs.blocks[0]
+        block[layout.A_OBSERVATION] = chunk.observations.ctypes.data
+        block[layout.A_RECORD] = chunk.records.ctypes.data
+        self._chunk = chunk
+        return chunk
 
     def state(self) -> dict[str, FloatArray]:
         """Return what is known of the drives: :data:`KEYS` to arrays, shape (n,)."""

@@ -14,7 +14,7 @@ from typing import Any
 from flexdrive_gym.drive.compilation import inlined
 from flexdrive_gym.drive.effects import N_BASE_PARAMETERS
 
-LANES = 64
+LANES = 128
 
 # rows of ``state``, which carry a drive from one control period to the next
 X1, V1, X2, V2, READ_1, READ_2, SPEED_1, SPEED_2, COMMAND = (i * LANES for i in range(9))
