@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from collections.abc import Callable
-from functools import partial
 from itertools import pairwise
 from math import ceil, sqrt
 from sys import getrefcount
@@ -31,18 +29,26 @@ MOST_SPARE = 4
 
 
 class Outputs:
-    """What one step writes, and the blocks (one per thread) that send the kernels there."""
+    """What one step writes, and the blocks (one per thread) that send the kernels there.
 
-    __slots__ = ("addresses", "blocks", "ended", "observation", "reward", "terminated", "truncated")
+    Attributes
+    ----------
+    observation, reward, terminated, truncated : ndarray, shapes (n, entries), (n,), (n,), (n,)
+    record : ndarray, shape (keys,)
+        Of a fleet of one: all that is known after a step, in the order of :data:`KEYS`.
+    """
+
+    __slots__ = ("addresses", "blocks", "ended", "observation", "record", "reward", "terminated", "truncated")
 
     def __init__(self, n: int, entries: int, parts: list[npt.NDArray[np.int64]]) -> None:
         self.observation = np.zeros((n, entries), dtype=np.float32)
-        self.reward = np.zeros(n)
+        self.reward, self.record = np.zeros(n), np.zeros(len(KEYS))
         self.terminated, self.truncated = np.zeros(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
         self.blocks = [block.copy() for block in parts]
-        for block in self.blocks:
-            for name in OUTPUTS:
-                block[layout.PLACE[name]] = getattr(self, name).ctypes.data
+        for name in (*OUTPUTS, "record"):
+            address = getattr(self, name).ctypes.data
+            for block in self.blocks:
+                block[layout.PLACE[name]] = address
         self.addresses = [block.ctypes.data for block in self.blocks]
         # memoryviews read single numbers in a third of the time that array indexing takes
         self.ended: list[Any] = [memoryview(block[layout.ENDED :]) for block in self.blocks]  # type: ignore[arg-type]
@@ -55,16 +61,6 @@ class Outputs:
             + getrefcount(self.terminated)
             + getrefcount(self.truncated)
         )
-
-
-class Chunk:
-    """What a single drive's next steps write, a row each: ``observations`` and ``records`` in the order of :data:`KEYS`."""
-
-    STEPS = 64
-
-    def __init__(self, entries: int) -> None:
-        self.observations = np.zeros((self.STEPS, entries), dtype=np.float32)
-        self.records = np.zeros((self.STEPS, len(KEYS)))
 
 
 class Fleet:
@@ -157,10 +153,10 @@ class Fleet:
         self._parts, self._work = self._divide(sizes, max(1, min(threads, n // LEAST_PER_THREAD)))
         self._pool = ThreadPoolExecutor(len(self._parts)) if len(self._parts) > 1 else None
         self.ended = 0
-        self.outputs = Outputs(n, len(entries), self._parts)
+        self.outputs = self.new_outputs()
         self._unreferenced = self.outputs.references()
         self._spare = [self.outputs]
-        self._kernel = entry(kernels.step_fleet, 0, self.z)
+        self.kernel = entry(kernels.step_single if n == 1 else kernels.step_fleet, 0, self.z)
 
     def seed(self, seeds: npt.ArrayLike, mask: BoolArray | None = None) -> None:
         """Give every (masked) drive a random stream of its own; ``seeds`` are integers, shape (n,)."""
@@ -183,10 +179,10 @@ class Fleet:
         """Advance all drives by one control period under ``actions``; :attr:`outputs` are others from then on."""
         out = self.outputs = self._unused()
         if self._pool is None:
-            self._kernel(out.addresses[0], self.z)
+            self.kernel(out.addresses[0], self.z)
             self.ended = out.ended[0][0]
             return
-        jobs = [self._pool.submit(self._kernel, address, self.z) for address in out.addresses]
+        jobs = [self._pool.submit(self.kernel, address, self.z) for address in out.addresses]
         for job in jobs:
             job.result()
         self.ended = sum(view[0] for view in out.ended)
@@ -197,31 +193,21 @@ class Fleet:
         for name in OUTPUTS:
             getattr(self.outputs, name)[...] = getattr(old, name)
 
-    def roll(self) -> Callable[[], None]:
-        """Return a call that steps the only drive into the next row of :meth:`chunk`, for which there must be room."""
-        block = self.outputs.blocks[0]
-        block[layout.ROLLS] = 1
-        return partial(self._kernel, self.outputs.addresses[0], self.z)
-
-    def chunk(self) -> Chunk:
-        """Let the next steps and resets of the only drive write into a fresh chunk."""
-        chunk, block = Chunk(len(self.bound)), self.outputs.blocks[0]
-        block[layout.A_OBSERVATION] = chunk.observations.ctypes.data
-        block[layout.A_RECORD] = chunk.records.ctypes.data
-        self._chunk = chunk
-        return chunk
-
     def state(self) -> dict[str, FloatArray]:
         """Return what is known of the drives: :data:`KEYS` to arrays, shape (n,)."""
         rows = [self._state[:, k] for k in range(layout.STATE_ROWS)] + [self._told[:, k] for k in range(layout.TOLD_ROWS)]
         return {key: row.reshape(-1)[: self.n].copy() for key, row in zip(KEYS, rows, strict=True)}
+
+    def new_outputs(self) -> Outputs:
+        """Return outputs of this fleet that were never used."""
+        return Outputs(self.n, len(self.bound), self._parts)
 
     def _unused(self) -> Outputs:
         """Return outputs that nobody refers to: used ones if they were dropped, else new ones."""
         for out in self._spare:
             if out.references() == self._unreferenced:
                 return out
-        fresh = Outputs(self.n, len(self.bound), self._parts)
+        fresh = self.new_outputs()
         # whoever keeps what it gets will not give it back: forget the oldest
         self._spare = [fresh, *self._spare[: MOST_SPARE - 1]]
         return fresh

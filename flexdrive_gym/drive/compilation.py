@@ -111,16 +111,25 @@ naturals_at: Callable[[int], Any] = _pointer_to(types.uint64)
 flags_at: Callable[[int], Any] = _pointer_to(types.uint8)
 
 
-def kernel(function: Function) -> Function:
-    """Compile an entry point, cached on disk under the digest of all kernel sources."""
+def _cached(function: Function, options: dict[str, Any]) -> Function:
     config: Any = _config
     previous = config.CACHE_DIR
     config.CACHE_DIR = CACHE_DIRECTORY
     try:
-        done: Function = numba.njit(cache=True, **_OPTIONS)(function)
+        done: Function = numba.njit(cache=True, **options)(function)
     finally:
         config.CACHE_DIR = previous
     return done
+
+
+def kernel(function: Function) -> Function:
+    """Compile an entry point, cached on disk under the digest of all kernel sources."""
+    return _cached(function, _OPTIONS)
+
+
+def kernel_holding_lock(function: Function) -> Function:
+    """Compile an entry point that is over sooner than the interpreter's lock could be released and taken again."""
+    return _cached(function, {**_OPTIONS, "nogil": False})
 
 
 def entry(function: Any, *arguments: Any) -> Callable[..., Any]:

@@ -16,6 +16,7 @@ from flexdrive_gym.drive.compilation import (
     inlined,
     integers_at,
     kernel,
+    kernel_holding_lock,
     naturals_at,
     pointer,
     shifted,
@@ -29,7 +30,7 @@ from flexdrive_gym.drive.layout import (
     A_OBSERVATION, A_P, A_PICKS, A_RECORD, A_REFERENCES, A_REWARD, A_ROW, A_SCALE, A_SCRATCH, A_SEEDS, A_SEEN, A_STATE,
     A_TABLES, A_TASK, A_TERMINATED, A_TOLD, A_TRUNCATED, A_WHICH, A_WORK, COMMAND, DECAY_1, DECAY_2, DRAWN, ENDED, ENTRIES,
     ERROR, HIGH, HORIZON, JOINT, LANES, LATE, LEAPS, LOW, MODELS, NOISE, ONE_BY_ONE, PARAMETER_ROWS,
-    PERIOD, PREVIEWS, READ_1, READ_2, REFERENCE, REFERENCES, ROLLS, SAMPLES, SEEN, SENSING, SPEED_1, SPEED_2, STATE_ROWS,
+    PERIOD, PREVIEWS, READ_1, READ_2, REFERENCE, REFERENCES, SAMPLES, SEEN, SENSING, SPEED_1, SPEED_2, STATE_ROWS,
     SUBSTEPS, TELLS, TOLD_ROWS, V1, V2, X1, X2, padded,
 )  # fmt: skip
 from flexdrive_gym.drive.observation import observe
@@ -72,15 +73,60 @@ def _observe(j: int, n: int, together: bool, block: Any, seen: Any, state: Any, 
 
 
 @inlined
-def _roll(block: Any) -> None:
-    """Record all that is known of the only drive, and go on to the next observation and record."""
+def _record(block: Any) -> None:
+    """Write down all that is known of the only drive, in the order of the environment's ``info``."""
     state, told, record = floats_at(block[A_STATE]), floats_at(block[A_TOLD]), floats_at(block[A_RECORD])
     for k in range(STATE_ROWS):
         record[k] = state[k * LANES]
     for k in range(TOLD_ROWS):
         record[STATE_ROWS + k] = told[k * LANES]
-    block[A_OBSERVATION] += 4 * block[ENTRIES]
-    block[A_RECORD] += 8 * (STATE_ROWS + TOLD_ROWS)
+
+
+@inlined
+def _step_strip(begin: int, n: int, block: Any, z: Any) -> int:
+    """Advance n drives from ``begin`` on, all in one strip; return how many episodes end."""
+    shared, late, samples = block[MODELS] == 1, block[LATE], block[SAMPLES]
+    substeps, leaps = block[SUBSTEPS], block[LEAPS]
+    task, work, references = floats_at(block[A_TASK]), floats_at(block[A_WORK]), floats_at(block[A_REFERENCES])
+    clocks, p, scratch = integers_at(block[A_CLOCK]), floats_at(block[A_P]), floats_at(block[A_SCRATCH])
+    clock, row = shifted(clocks, begin), shifted(integers_at(block[A_ROW]), begin)
+    strip, period = begin // LANES, task[PERIOD]
+    state = shifted(floats_at(block[A_STATE]), strip * STATE_ROWS * LANES)
+    q = shifted(floats_at(block[A_LANES]), (0 if shared else strip) * PARAMETER_ROWS * LANES)
+    act(n, shifted(floats_at(block[A_ACTIONS]), begin), task, q, state, work)
+    if task[NOISE] > 0.0:
+        draw_noise(begin, n, task, naturals_at(block[A_SEEDS]), work)
+    if z is None and block[ONE_BY_ONE] == 0:
+        parts = (substeps + leaps - 1) // leaps
+        integrate_lanes(n, leaps, period / leaps, parts, shared, q, integers_at(block[A_PICKS]), state, work)
+    else:
+        tables, memory = floats_at(block[A_TABLES]), floats_at(block[A_MEMORY])
+        integrate_each(begin, n, period, substeps, shared, clocks, p, tables, memory, z, scratch, state)
+    if z is None:
+        sense(padded(n), period, q, state, work)
+    else:
+        sense_each(begin, n, shared, period, clocks, p, scratch, q, state, work)
+    together = refer(n, task, samples, clock, row, references, work)
+    judge(padded(n), task, q, state, work)
+    ended = conclude(
+        n,
+        task[HORIZON],
+        clock,
+        shifted(floats_at(block[A_REWARD]), begin),
+        shifted(flags_at(block[A_TERMINATED]), begin),
+        shifted(flags_at(block[A_TRUNCATED]), begin),
+        work,
+    )
+    if block[TELLS] == 1:
+        told = shifted(floats_at(block[A_TOLD]), strip * TOLD_ROWS * LANES)
+        for k in range(TOLD_ROWS):
+            for i in range(n):
+                told[k * LANES + i] = work[k * LANES + i]
+    if late > 0:
+        delay_readings(begin, n, late, clocks, floats_at(block[A_LINE]), state, work)
+    seen = shifted(work, SEEN) if late > 0 else shifted(state, READ_1)
+    _observe(begin, n, together, block, seen, state, work)
+    return ended
 
 
 @kernel
@@ -96,59 +142,21 @@ def step_fleet(address: int, z: Any) -> None:
         Additional states where some drive has effects beyond the base.
     """
     block = integers_at(address)
-    low, high, shared, late = block[LOW], block[HIGH], block[MODELS] == 1, block[LATE]
-    task, work, picks = floats_at(block[A_TASK]), floats_at(block[A_WORK]), integers_at(block[A_PICKS])
-    clocks, rows, seeds = integers_at(block[A_CLOCK]), integers_at(block[A_ROW]), naturals_at(block[A_SEEDS])
-    p, scratch, extra = floats_at(block[A_P]), floats_at(block[A_SCRATCH]), pointer(z)
-    reward, terminated, truncated = (
-        floats_at(block[A_REWARD]),
-        flags_at(block[A_TERMINATED]),
-        flags_at(block[A_TRUNCATED]),
-    )
-    substeps, leaps, period = block[SUBSTEPS], block[LEAPS], task[PERIOD]
     ended = 0
-    for begin in range(low, high, LANES):
-        n = min(LANES, high - begin)
-        strip = begin // LANES
-        state = shifted(floats_at(block[A_STATE]), strip * STATE_ROWS * LANES)
-        q = shifted(floats_at(block[A_LANES]), (0 if shared else strip) * PARAMETER_ROWS * LANES)
-        clock, row = shifted(clocks, begin), shifted(rows, begin)
-        act(n, shifted(floats_at(block[A_ACTIONS]), begin), task, q, state, work)
-        if task[NOISE] > 0.0:
-            draw_noise(begin, n, task, seeds, work)
-        if z is None and block[ONE_BY_ONE] == 0:
-            parts = (substeps + leaps - 1) // leaps
-            integrate_lanes(n, leaps, period / leaps, parts, shared, q, picks, state, work)
-        else:
-            tables, memory = floats_at(block[A_TABLES]), floats_at(block[A_MEMORY])
-            integrate_each(begin, n, period, substeps, shared, clocks, p, tables, memory, extra, scratch, state)
-        if z is None:
-            sense(padded(n), period, q, state, work)
-        else:
-            sense_each(begin, n, shared, period, clocks, p, scratch, q, state, work)
-        together = refer(n, task, block[SAMPLES], clock, row, floats_at(block[A_REFERENCES]), work)
-        judge(padded(n), task, q, state, work)
-        ended += conclude(
-            n,
-            task[HORIZON],
-            clock,
-            shifted(reward, begin),
-            shifted(terminated, begin),
-            shifted(truncated, begin),
-            work,
-        )
-        if block[TELLS] == 1:
-            told = shifted(floats_at(block[A_TOLD]), strip * TOLD_ROWS * LANES)
-            for k in range(TOLD_ROWS):
-                for i in range(n):
-                    told[k * LANES + i] = work[k * LANES + i]
-        if late > 0:
-            delay_readings(begin, n, late, clocks, floats_at(block[A_LINE]), state, work)
-        seen = shifted(work, SEEN) if late > 0 else shifted(state, READ_1)
-        _observe(begin, n, together, block, seen, state, work)
+    for begin in range(block[LOW], block[HIGH], LANES):
+        ended += _step_strip(begin, min(LANES, block[HIGH] - begin), block, pointer(z))
     block[ENDED] = ended
-    if block[ROLLS] == 1:
-        _roll(block)
+
+
+@kernel_holding_lock
+def step_single(address: int, z: Any) -> None:
+    """Do what :func:`step_fleet` does for a fleet of one, and record it: loops over one drive are none.
+
+    Releasing the interpreter's lock would take a tenth of the step.
+    """
+    block = integers_at(address)
+    block[ENDED] = _step_strip(0, 1, block, pointer(z))
+    _record(block)
 
 
 @inlined
@@ -225,8 +233,6 @@ def reset_fleet(address: int, mask: Any, start: Any, z: Any) -> None:
         told[REFERENCE] = references[row[j] * samples]
         told[ERROR] = told[REFERENCE] - (start[2] if q[W2] > 0.0 else start[0])
         _observe(j, 1, True, block, shifted(state, READ_1), state, told)
-    if block[ROLLS] == 1:
-        _roll(block)
 
 
 @inlined
