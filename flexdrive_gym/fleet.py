@@ -175,17 +175,18 @@ class Fleet:
         for address in self.outputs.addresses:
             kernels.reset_fleet(address, where, begin, self.z)
 
-    def step(self) -> None:
-        """Advance all drives by one control period under ``actions``; :attr:`outputs` are others from then on."""
+    def step(self) -> Outputs:
+        """Advance all drives by one control period under ``actions``; return :attr:`outputs`, others than before."""
         out = self.outputs = self._unused()
         if self._pool is None:
             self.kernel(out.addresses[0], self.z)
             self.ended = out.ended[0][0]
-            return
+            return out
         jobs = [self._pool.submit(self.kernel, address, self.z) for address in out.addresses]
         for job in jobs:
             job.result()
         self.ended = sum(view[0] for view in out.ended)
+        return out
 
     def renew(self) -> None:
         """Go on in arrays that nobody refers to, with the same contents."""

@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
 from flexdrive_gym.environment import action_space, announce_compilation, observation_space
-from flexdrive_gym.fleet import KEYS, Fleet
+from flexdrive_gym.fleet import KEYS, Fleet, Outputs
 from flexdrive_gym.recording import BoolArray, FloatArray
 from flexdrive_gym.task import Task
 
@@ -85,6 +85,7 @@ class FlexDriveVectorEnv(gymnasium.vector.VectorEnv[Observations, npt.NDArray[np
         self._mode = mode
         self._due: BoolArray | None = None
         self._shape = (self.num_envs, 1)
+        self._actions = self.fleet.actions.reshape(self._shape)
         self._seeded = False
 
     def reset(
@@ -117,31 +118,34 @@ class FlexDriveVectorEnv(gymnasium.vector.VectorEnv[Observations, npt.NDArray[np
         actions : ndarray, shape (num_envs, 1)
             Commands over the voltage limit; clipped to [-1, 1].
         """
+        if getattr(actions, "shape", None) != self._shape:
+            actions = np.reshape(actions, self._shape)
+        self._actions[...] = actions
         fleet, due = self.fleet, self._due
-        fleet.actions[:] = np.reshape(actions, self.num_envs)
-        if due is not None:
-            streams = fleet.seeds[due]
-        fleet.step()
-        out, info = fleet.outputs, {}
+        streams = None if due is None else fleet.seeds[due]
+        out = fleet.step()
+        if fleet.ended or streams is not None or self.physical_info:
+            return self._after(out, due, streams)
+        return out.observation, out.reward, out.terminated, out.truncated, {}
+
+    def _after(self, out: Outputs, due: BoolArray | None, streams: Any) -> Any:
+        """Do what a step needs that ends, resets or tells something."""
+        fleet, info = self.fleet, {}
+        reward, terminated, truncated = out.reward, out.terminated, out.truncated
         if self._mode is AutoresetMode.NEXT_STEP:
             if due is not None:
                 # the step of a drive that is due only resets it: observation of the new episode, no reward, and a
                 # random stream that knows nothing of the step just made
                 fleet.seeds[due] = streams
                 fleet.reset(due)
-                self._due = None
-            if due is not None or fleet.ended:
-                ended = out.terminated | out.truncated
-                self._due = ended if ended.any() else None
+            ended = terminated | truncated
+            self._due = ended if ended.any() else None
         elif fleet.ended and self._mode is AutoresetMode.SAME_STEP:
-            reward, terminated, truncated = out.reward.copy(), out.terminated.copy(), out.truncated.copy()
+            reward, terminated, truncated = reward.copy(), terminated.copy(), truncated.copy()
             info = self._end_same_step()
-            if self.physical_info:
-                info |= self._info(None)
-            return out.observation, reward, terminated, truncated, info
         if self.physical_info:
             info |= self._info(None)
-        return out.observation, out.reward, out.terminated, out.truncated, info
+        return out.observation, reward, terminated, truncated, info
 
     def _end_same_step(self) -> Info:
         fleet, out = self.fleet, self.fleet.outputs

@@ -86,6 +86,15 @@ def _shifted(typing_context: Any, base: Any, offset: Any) -> Any:  # noqa: ARG00
     return base(base, types.intp), generate
 
 
+def _fused(typing_context: Any, a: Any, b: Any, c: Any) -> Any:  # noqa: ARG001
+    """Return a·b + c, rounded once: said outright it is the same in vector and scalar code, unlike contraction."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001
+        return builder.fma(*arguments)
+
+    return types.float64(types.float64, types.float64, types.float64), generate
+
+
 def _pointer_to(kind: Any) -> Any:
     def at(typing_context: Any, address: Any) -> Any:  # noqa: ARG001
         of: Any = types.CPointer
@@ -102,6 +111,7 @@ def _pointer_to(kind: Any) -> Any:
 _intrinsic: Any = intrinsic  # its own types say that what it makes returns nothing
 pointer: Callable[[Any], Any] = _intrinsic(_pointer)
 shifted: Callable[[Any, int], Any] = _intrinsic(_shifted)
+fused: Callable[[float, float, float], float] = _intrinsic(_fused)
 # pointers from the addresses of arrays that the caller holds: one argument for many arrays, whose unpacking at every call
 # would take longer than a step
 floats_at: Callable[[int], Any] = _pointer_to(types.float64)

@@ -63,6 +63,7 @@ def integrate_lanes(
                 for e in range(m):
                     if work[E_UNSURE + e] > 0.0:
                         _uncertain_piece(e, parts, own, work)
+                _rests(padded(m), own, work)
                 m = _scatter(m, shared, picks, state, work)
                 if m == 0:
                     break
@@ -138,6 +139,21 @@ def _uncertain_piece(e: int, parts: int, q: Any, work: Any) -> None:
     work[E_X1 + e], work[E_V1 + e], work[E_X2 + e], work[E_V2 + e] = z1, g1, z2, g2
     work[E_LEFT + e] = left * h
     work[E_FREE_1 + e], work[E_FREE_2 + e] = new_1, new_2
+
+
+@inlined
+def _rests(m: int, q: Any, work: Any) -> None:
+    """Advance those of m drives that have no further event to the end of the leap: for most, one event is all."""
+    for e in range(m):
+        x1, v1, x2, v2 = work[E_X1 + e], work[E_V1 + e], work[E_X2 + e], work[E_V2 + e]
+        u, h, free_1, free_2 = work[E_U + e], work[E_LEFT + e], work[E_FREE_1 + e], work[E_FREE_2 + e]
+        y1, w1, y2, w2, c1, c2, s1, s2, f1, f2 = series(x1, v1, x2, v2, free_1, free_2, u, h, parameters_of(q, e))
+        quiet = lasts(c1, s1, f1) & lasts(c2, s2, f2)
+        work[E_X1 + e] = total(y1) if quiet else x1
+        work[E_V1 + e] = total(w1) if quiet else v1
+        work[E_X2 + e] = total(y2) if quiet else x2
+        work[E_V2 + e] = total(w2) if quiet else v2
+        work[E_LEFT + e] = 0.0 if quiet else h
 
 
 @inlined

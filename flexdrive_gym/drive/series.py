@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from flexdrive_gym.drive.compilation import called, inlined
+from flexdrive_gym.drive.compilation import called, fused, inlined
 from flexdrive_gym.drive.forces import (
     W1,
     W2,
@@ -122,12 +122,13 @@ def total(c: Any) -> float:
 
 @inlined
 def _value(c: Any, t: float) -> float:
-    return c[0] + t * (c[1] + t * (c[2] + t * (c[3] + t * (c[4] + t * (c[5] + t * c[6])))))
+    return fused(t, fused(t, fused(t, fused(t, fused(t, fused(t, c[6], c[5]), c[4]), c[3]), c[2]), c[1]), c[0])
 
 
 @inlined
 def _slope(c: Any, t: float) -> float:
-    return c[1] + t * (2.0 * c[2] + t * (3.0 * c[3] + t * (4.0 * c[4] + t * (5.0 * c[5] + t * 6.0 * c[6]))))
+    high = fused(t, fused(t, 6.0 * c[6], 5.0 * c[5]), 4.0 * c[4])
+    return fused(t, fused(t, fused(t, high, 3.0 * c[3]), 2.0 * c[2]), c[1])
 
 
 @inlined
