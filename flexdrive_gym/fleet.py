@@ -133,11 +133,13 @@ class Fleet:
             "factor": drawn.factor,
             "line": np.zeros((n, task.late, 4)),
         }
+        number, short = leaps(task)
         sizes = {
             layout.DRIVES: n,
             layout.SENSING: SENSINGS[task.sensing],
             layout.SUBSTEPS: task.substeps,
-            layout.LEAPS: leaps(task),
+            layout.LEAPS: number,
+            layout.SHORT: int(short),
             layout.MODELS: self.models,
             layout.ENTRIES: len(entries),
             layout.PREVIEWS: len(task.ahead),
@@ -234,15 +236,17 @@ class Fleet:
         return blocks, held
 
 
-def leaps(task: Task) -> int:
-    """Return in how many leaps a control period is advanced: their power series shall reach, for every drive drawn."""
+def leaps(task: Task) -> tuple[int, bool]:
+    """Return in how many leaps a control period is advanced, and whether short series do, for every drive that is drawn."""
     low = {name: task.rig[name] for name in ("m1", "m2", "b1", "b2", "k", "C")}
     high = dict(low)
-    for name, least, most in zip(task.randomisation.names, task.randomisation.low, task.randomisation.high, strict=True):
+    drawn = task.randomisation
+    for name, least, most in zip(drawn.names, drawn.low, drawn.high, strict=True):
         low[name], high[name] = least, most
     w1, w2 = 1.0 / low["m1"], 1.0 / low["m2"]
     rate = sqrt(high["k"] * (w1 + w2)) + high["b1"] * w1 + high["b2"] * w2 + high["C"] * (w1 + w2)
-    return max(1, ceil(rate * task.control_period / series.REACH - 1e-9))
+    reach = rate * task.control_period
+    return max(1, ceil(reach / series.REACH - 1e-9)), reach <= series.SHORT_REACH
 
 
 def _constants(task: Task) -> FloatArray:

@@ -30,7 +30,7 @@ from flexdrive_gym.drive.layout import (
     A_OBSERVATION, A_P, A_PICKS, A_RECORD, A_REFERENCES, A_REWARD, A_ROW, A_SCALE, A_SCRATCH, A_SEEDS, A_SEEN, A_STATE,
     A_TABLES, A_TASK, A_TERMINATED, A_TOLD, A_TRUNCATED, A_WHICH, A_WORK, COMMAND, DECAY_1, DECAY_2, DRAWN, ENDED, ENTRIES,
     ERROR, HIGH, HORIZON, JOINT, LANES, LATE, LEAPS, LOW, MODELS, NOISE, ONE_BY_ONE, PARAMETER_ROWS,
-    PERIOD, PREVIEWS, READ_1, READ_2, REFERENCE, REFERENCES, SAMPLES, SEEN, SENSING, SPEED_1, SPEED_2, STATE_ROWS,
+    PERIOD, PREVIEWS, READ_1, READ_2, REFERENCE, REFERENCES, SAMPLES, SEEN, SENSING, SHORT, SPEED_1, SPEED_2, STATE_ROWS,
     SUBSTEPS, TELLS, TOLD_ROWS, V1, V2, X1, X2, padded,
 )  # fmt: skip
 from flexdrive_gym.drive.observation import observe
@@ -98,7 +98,8 @@ def _step_strip(begin: int, n: int, block: Any, z: Any) -> int:
         draw_noise(begin, n, task, naturals_at(block[A_SEEDS]), work)
     if z is None and block[ONE_BY_ONE] == 0:
         parts = (substeps + leaps - 1) // leaps
-        integrate_lanes(n, leaps, period / leaps, parts, shared, q, integers_at(block[A_PICKS]), state, work)
+        picks, short = integers_at(block[A_PICKS]), block[SHORT] == 1
+        integrate_lanes(n, leaps, period / leaps, parts, short, shared, q, picks, state, work)
     else:
         tables, memory = floats_at(block[A_TABLES]), floats_at(block[A_MEMORY])
         integrate_each(begin, n, period, substeps, shared, clocks, p, tables, memory, z, scratch, state)

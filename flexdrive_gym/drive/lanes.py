@@ -43,7 +43,7 @@ _MOVED = 8  # rows of a drive with an event that change
 
 @inlined
 def integrate_lanes(
-    n: int, leaps: int, h: float, parts: int, shared: bool, q: Any, picks: Any, state: Any, work: Any
+    n: int, leaps: int, h: float, parts: int, short: bool, shared: bool, q: Any, picks: Any, state: Any, work: Any
 ) -> None:
     """Advance n drives by ``leaps`` times h; events are searched at ``parts`` instants of a leap where need be.
 
@@ -51,7 +51,10 @@ def integrate_lanes(
     """
     own = q if shared else shifted(work, E_PARAMETERS)
     for _ in range(leaps):
-        _leap(padded(n), h, q, state, work)
+        if short:
+            _leap(padded(n), h, True, q, state, work)
+        else:
+            _leap(padded(n), h, False, q, state, work)
         m = 0
         for i in range(n):
             picks[m] = i
@@ -63,7 +66,10 @@ def integrate_lanes(
                 for e in range(m):
                     if work[E_UNSURE + e] > 0.0:
                         _uncertain_piece(e, parts, own, work)
-                _rests(padded(m), own, work)
+                if short:
+                    _rests(padded(m), True, own, work)
+                else:
+                    _rests(padded(m), False, own, work)
                 m = _scatter(m, shared, picks, state, work)
                 if m == 0:
                     break
@@ -72,12 +78,12 @@ def integrate_lanes(
 
 
 @inlined
-def _leap(n: int, h: float, q: Any, state: Any, work: Any) -> None:
+def _leap(n: int, h: float, short: bool, q: Any, state: Any, work: Any) -> None:
     """Advance the drives without an event; mark the others."""
     for i in range(n):
         x1, v1, x2, v2 = state[X1 + i], state[V1 + i], state[X2 + i], state[V2 + i]
         y1, w1, y2, w2, c1, c2, s1, s2, f1, f2 = series(
-            x1, v1, x2, v2, 0.0, 0.0, state[COMMAND + i], h, parameters_of(q, i)
+            x1, v1, x2, v2, 0.0, 0.0, state[COMMAND + i], h, parameters_of(q, i), short
         )
         quiet = lasts(c1, s1, f1) & lasts(c2, s2, f2)
         state[X1 + i] = total(y1) if quiet else x1
@@ -114,7 +120,7 @@ def _pieces(m: int, q: Any, work: Any) -> None:
     for e in range(m):
         x1, v1, x2, v2 = work[E_X1 + e], work[E_V1 + e], work[E_X2 + e], work[E_V2 + e]
         u, h, free_1, free_2 = work[E_U + e], work[E_LEFT + e], work[E_FREE_1 + e], work[E_FREE_2 + e]
-        y1, w1, y2, w2, c1, c2, s1, s2, f1, f2 = series(x1, v1, x2, v2, free_1, free_2, u, h, parameters_of(q, e))
+        y1, w1, y2, w2, c1, c2, s1, s2, f1, f2 = series(x1, v1, x2, v2, free_1, free_2, u, h, parameters_of(q, e), False)
         t1, t2, side_1, side_2, sure = next_event(c1, c2, s1, s2, f1, f2)
         z1, g1, z2, g2, left, new_1, new_2 = arrive(y1, w1, y2, w2, s1, s2, t1, t2, side_1, side_2)
         work[E_X1 + e] = z1 if sure else x1
@@ -132,7 +138,7 @@ def _uncertain_piece(e: int, parts: int, q: Any, work: Any) -> None:
     """Do for one drive what :func:`_pieces` does, searching for its events."""
     x1, v1, x2, v2 = work[E_X1 + e], work[E_V1 + e], work[E_X2 + e], work[E_V2 + e]
     u, h, free_1, free_2 = work[E_U + e], work[E_LEFT + e], work[E_FREE_1 + e], work[E_FREE_2 + e]
-    y1, w1, y2, w2, c, d, s1, s2, f1, f2 = series(x1, v1, x2, v2, free_1, free_2, u, h, parameters_of(q, e))
+    y1, w1, y2, w2, c, d, s1, s2, f1, f2 = series(x1, v1, x2, v2, free_1, free_2, u, h, parameters_of(q, e), False)
     t1, side_1 = search(c[0], c[1], c[2], c[3], c[4], c[5], c[6], s1, f1, parts)
     t2, side_2 = search(d[0], d[1], d[2], d[3], d[4], d[5], d[6], s2, f2, parts)
     z1, g1, z2, g2, left, new_1, new_2 = arrive(y1, w1, y2, w2, s1, s2, t1, t2, side_1, side_2)
@@ -142,12 +148,12 @@ def _uncertain_piece(e: int, parts: int, q: Any, work: Any) -> None:
 
 
 @inlined
-def _rests(m: int, q: Any, work: Any) -> None:
+def _rests(m: int, short: bool, q: Any, work: Any) -> None:
     """Advance those of m drives that have no further event to the end of the leap: for most, one event is all."""
     for e in range(m):
         x1, v1, x2, v2 = work[E_X1 + e], work[E_V1 + e], work[E_X2 + e], work[E_V2 + e]
         u, h, free_1, free_2 = work[E_U + e], work[E_LEFT + e], work[E_FREE_1 + e], work[E_FREE_2 + e]
-        y1, w1, y2, w2, c1, c2, s1, s2, f1, f2 = series(x1, v1, x2, v2, free_1, free_2, u, h, parameters_of(q, e))
+        y1, w1, y2, w2, c1, c2, s1, s2, f1, f2 = series(x1, v1, x2, v2, free_1, free_2, u, h, parameters_of(q, e), short)
         quiet = lasts(c1, s1, f1) & lasts(c2, s2, f2)
         work[E_X1 + e] = total(y1) if quiet else x1
         work[E_V1 + e] = total(w1) if quiet else v1
@@ -184,7 +190,7 @@ def _give_up(e: int, i: int, q: Any, state: Any, work: Any) -> None:
     """Let a drive with very many events finish the leap in its present mode; a cart that came back through zero rests."""
     x1, v1, x2, v2 = work[E_X1 + e], work[E_V1 + e], work[E_X2 + e], work[E_V2 + e]
     u, h, free_1, free_2 = work[E_U + e], work[E_LEFT + e], work[E_FREE_1 + e], work[E_FREE_2 + e]
-    y1, w1, y2, w2, _c1, _c2, s1, s2, _f1, _f2 = series(x1, v1, x2, v2, free_1, free_2, u, h, parameters_of(q, e))
+    y1, w1, y2, w2, _c1, _c2, s1, s2, _f1, _f2 = series(x1, v1, x2, v2, free_1, free_2, u, h, parameters_of(q, e), False)
     state[X1 + i], state[X2 + i] = total(y1), total(y2)
     state[V1 + i] = total(w1) if s1 * total(w1) > 0.0 else 0.0
     state[V2 + i] = total(w2) if s2 * total(w2) > 0.0 else 0.0

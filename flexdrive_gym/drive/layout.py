@@ -33,8 +33,8 @@ TASK_ENTRIES = 11
 
 # the block: range of drives, sizes, what a kernel reports (ENDED: how many episodes), then addresses
 LOW, HIGH, DRIVES, SENSING, SUBSTEPS, LEAPS, MODELS, ENTRIES, PREVIEWS, SAMPLES, REFERENCES = range(11)
-ONE_BY_ONE, DRAWN, JOINT, LATE, TELLS, ENDED = range(11, 17)
-SIZES = 17
+ONE_BY_ONE, DRAWN, JOINT, LATE, TELLS, SHORT, ENDED = range(11, 18)
+SIZES = 18
 
 # one address each; :class:`~flexdrive_gym.fleet.Fleet` makes and holds the arrays
 ARRAYS = (

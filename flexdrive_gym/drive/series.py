@@ -39,6 +39,8 @@ from flexdrive_gym.drive.forces import (
 ORDER = 6
 # the largest product of a leap's length and the drive's rate for which the series' remainder stays below 1e-8
 REACH = 0.25
+# the same for series that end with τ⁴, as a Runge-Kutta step does
+SHORT_REACH = 0.05
 _NEVER = 2.0
 _HALF, _THIRD, _QUARTER, _FIFTH, _SIXTH = 1.0 / 2.0, 1.0 / 3.0, 1.0 / 4.0, 1.0 / 5.0, 1.0 / 6.0
 
@@ -58,12 +60,13 @@ def _direction(v: float, released: float, force: float, hold: float) -> float:
 
 @inlined
 def series(
-    x1: float, v1: float, x2: float, v2: float, released_1: float, released_2: float, u: float, h: float, p: Any
+    x1: float, v1: float, x2: float, v2: float, released_1: float, released_2: float, u: float, h: float, p: Any, short: bool
 ) -> Any:
     """Return the motion over h: power series of x1, v1, x2, v2, then slack, direction and friction of either cart.
 
     A slack is the velocity of a sliding cart and the force on a sticking one, friction not subtracted yet. ``released`` is
-    the direction in which a cart was just torn loose, else 0. All series have seven coefficients.
+    the direction in which a cart was just torn loose, else 0. All series have seven coefficients; the last two are zero if
+    ``short``, which the compiler must know, so that nothing is computed for them.
     """
     fs = spring_force(x1 - x2, v1 - v2, None, 0, p)
     f0, g0 = force_1(x1, v1, u, fs, 0.0, None, 0, p), force_2(x2, v2, fs, 0.0, None, 0, p)
@@ -79,10 +82,13 @@ def series(
     a3, b3, c3, d3 = h * _THIRD * b2, w1 * _THIRD * f2, h * _THIRD * d2, w2 * _THIRD * g2
     f3, g3 = _forces(a3, b3, c3, d3, 0.0, p)
     a4, b4, c4, d4 = h * _QUARTER * b3, w1 * _QUARTER * f3, h * _QUARTER * d3, w2 * _QUARTER * g3
-    f4, g4 = _forces(a4, b4, c4, d4, 0.0, p)
-    a5, b5, c5, d5 = h * _FIFTH * b4, w1 * _FIFTH * f4, h * _FIFTH * d4, w2 * _FIFTH * g4
-    f5, g5 = _forces(a5, b5, c5, d5, 0.0, p)
-    a6, b6, c6, d6 = h * _SIXTH * b5, w1 * _SIXTH * f5, h * _SIXTH * d5, w2 * _SIXTH * g5
+    f4, f5, g4, g5 = 0.0, 0.0, 0.0, 0.0
+    a5, b5, c5, d5, a6, b6, c6, d6 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    if not short:
+        f4, g4 = _forces(a4, b4, c4, d4, 0.0, p)
+        a5, b5, c5, d5 = h * _FIFTH * b4, w1 * _FIFTH * f4, h * _FIFTH * d4, w2 * _FIFTH * g4
+        f5, g5 = _forces(a5, b5, c5, d5, 0.0, p)
+        a6, b6, c6, d6 = h * _SIXTH * b5, w1 * _SIXTH * f5, h * _SIXTH * d5, w2 * _SIXTH * g5
     m1, m2 = s1 != 0.0, s2 != 0.0
     return (
         (x1, a1, a2, a3, a4, a5, a6),
