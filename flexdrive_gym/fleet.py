@@ -19,7 +19,7 @@ from flexdrive_gym.drive.sample import MEMORY
 from flexdrive_gym.recording import BoolArray, FloatArray
 from flexdrive_gym.task import ERROR_SCALE_MM, SENSINGS, Task
 
-LEAST_PER_THREAD = 2048
+LEAST_PER_THREAD = 8192
 INFO = ("x1", "v1", "x2", "v2", "read_x1", "read_x2", "read_v1", "read_v2", "u", "xr", "e")
 TERMS = ("tracking", "effort", "rate", "failure")
 # rows of the state in the order of INFO and TERMS
@@ -34,14 +34,16 @@ class Outputs:
     Attributes
     ----------
     observation, reward, terminated, truncated : ndarray, shapes (n, entries), (n,), (n,), (n,)
+        The observation's shape may be (entries,) for a fleet of one.
     record : ndarray, shape (keys,)
         Of a fleet of one: all that is known after a step, in the order of :data:`KEYS`.
     """
 
     __slots__ = ("addresses", "blocks", "ended", "observation", "record", "reward", "terminated", "truncated")
 
-    def __init__(self, n: int, entries: int, parts: list[npt.NDArray[np.int64]]) -> None:
-        self.observation = np.zeros((n, entries), dtype=np.float32)
+    def __init__(self, shape: tuple[int, ...], n: int, parts: list[npt.NDArray[np.int64]]) -> None:
+        # of the shape that is handed out: a view would not be told when a view of it is made
+        self.observation = np.zeros(shape, dtype=np.float32)
         self.reward, self.record = np.zeros(n), np.zeros(len(KEYS))
         self.terminated, self.truncated = np.zeros(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
         self.blocks = [block.copy() for block in parts]
@@ -73,11 +75,10 @@ class Fleet:
     n
         How many.
     threads
-        Threads that share the work of a step; used only where every one has at least 2,048 drives, because handing out
+        Threads that share the work of a step; used only where every one has at least 8,192 drives, because handing out
         work takes longer than advancing fewer. The result does not depend on it.
     tells
-        Whether :meth:`step` keeps reference, error and terms of the reward in :attr:`state`; without, only what a drive
-        needs to go on is written, which takes less time.
+        Whether :meth:`step` keeps reference, error and the reward's terms of :meth:`state` up to date, which takes time.
 
     Attributes
     ----------
@@ -100,8 +101,8 @@ class Fleet:
         limits = np.array([b for _name, _unit, b in entries])
         self.actions = np.zeros(n)
         strips = ceil(n / layout.LANES)
-        self._state = np.zeros((strips, layout.STATE_ROWS, layout.LANES))
-        self._told = np.zeros((strips, layout.TOLD_ROWS, layout.LANES))
+        self._state = np.zeros((strips, layout.STATE_ROWS, layout.ROW))
+        self._told = np.zeros((strips, layout.TOLD_ROWS, layout.ROW))
         self.clock = np.zeros(n, dtype=np.int64)
         self.seeds = np.zeros(n, dtype=np.uint64)
         self.p = np.tile(rig.vector(), (self.models, 1))
@@ -117,7 +118,7 @@ class Fleet:
             "row": np.zeros(n, dtype=np.int64),
             "seeds": self.seeds,
             "p": self.p,
-            "lanes": np.zeros((strips if drawn.names else 1, layout.PARAMETER_ROWS, layout.LANES)),
+            "lanes": np.zeros((strips if drawn.names else 1, layout.PARAMETER_ROWS, layout.ROW)),
             "tables": np.zeros((min(alone, self.models), lanes.TABLE_COLUMNS)),
             "memory": np.zeros((alone, MEMORY)),
             "references": task.references,
@@ -153,7 +154,7 @@ class Fleet:
         }
         self._everyone = np.ones(n, dtype=np.bool_)
         self._parts, self._work = self._divide(sizes, max(1, min(threads, n // LEAST_PER_THREAD)))
-        self._pool = ThreadPoolExecutor(len(self._parts)) if len(self._parts) > 1 else None
+        self._pool = ThreadPoolExecutor(len(self._parts) - 1) if len(self._parts) > 1 else None
         self.ended = 0
         self.outputs = self.new_outputs()
         self._unreferenced = self.outputs.references()
@@ -184,7 +185,8 @@ class Fleet:
             self.kernel(out.addresses[0], self.z)
             self.ended = out.ended[0][0]
             return out
-        jobs = [self._pool.submit(self.kernel, address, self.z) for address in out.addresses]
+        jobs = [self._pool.submit(self.kernel, address, self.z) for address in out.addresses[1:]]
+        self.kernel(out.addresses[0], self.z)
         for job in jobs:
             job.result()
         self.ended = sum(view[0] for view in out.ended)
@@ -198,12 +200,15 @@ class Fleet:
 
     def state(self) -> dict[str, FloatArray]:
         """Return what is known of the drives: :data:`KEYS` to arrays, shape (n,)."""
-        rows = [self._state[:, k] for k in range(layout.STATE_ROWS)] + [self._told[:, k] for k in range(layout.TOLD_ROWS)]
-        return {key: row.reshape(-1)[: self.n].copy() for key, row in zip(KEYS, rows, strict=True)}
+        rows = [self._state[:, k] for k in range(layout.STATE_ROWS)] + [
+            self._told[:, k] for k in range(layout.TOLD_ROWS)
+        ]
+        return {key: row[:, : layout.LANES].reshape(-1)[: self.n].copy() for key, row in zip(KEYS, rows, strict=True)}
 
-    def new_outputs(self) -> Outputs:
-        """Return outputs of this fleet that were never used."""
-        return Outputs(self.n, len(self.bound), self._parts)
+    def new_outputs(self, *, flat: bool = False) -> Outputs:
+        """Return outputs of this fleet that were never used; ``flat``: of a fleet of one, without its axis."""
+        entries = len(self.bound)
+        return Outputs((entries,) if flat else (self.n, entries), self.n, self._parts)
 
     def _unused(self) -> Outputs:
         """Return outputs that nobody refers to: used ones if they were dropped, else new ones."""
@@ -220,10 +225,10 @@ class Fleet:
         edges = np.linspace(0, ceil(self.n / layout.LANES), parts + 1).astype(int) * layout.LANES
         blocks, held = [], []
         for low, high in pairwise(edges):
-            own = {
+            own: dict[str, npt.NDArray[Any]] = {
                 "work": np.zeros(max(layout.LANES_WORK, sizes[layout.DRAWN])),
                 "picks": np.zeros(layout.LANES + 1, dtype=np.int64),
-                "seen": np.zeros((len(self.bound), layout.LANES), dtype=np.float32),
+                "seen": np.zeros((len(self.bound), layout.ROW), dtype=np.float32),
                 "scratch": np.zeros(7 * N_STATES),
             }
             block = np.zeros(layout.BLOCK, dtype=np.int64)

@@ -24,6 +24,7 @@ class Info(dict[str, Any]):
     """Physical units and terms of the reward of one step; :data:`~flexdrive_gym.fleet.KEYS` to floats."""
 
     __slots__ = ("record",)
+    record: FloatArray | None
 
     # copies and pickles are plain dictionaries
     def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:

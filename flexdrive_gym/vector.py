@@ -128,9 +128,12 @@ class FlexDriveVectorEnv(gymnasium.vector.VectorEnv[Observations, npt.NDArray[np
             return self._after(out, due, streams)
         return out.observation, out.reward, out.terminated, out.truncated, {}
 
-    def _after(self, out: Outputs, due: BoolArray | None, streams: Any) -> Any:
+    def _after(
+        self, out: Outputs, due: BoolArray | None, streams: Any
+    ) -> tuple[Observations, FloatArray, BoolArray, BoolArray, Info]:
         """Do what a step needs that ends, resets or tells something."""
-        fleet, info = self.fleet, {}
+        fleet = self.fleet
+        info: Info = {}
         reward, terminated, truncated = out.reward, out.terminated, out.truncated
         if self._mode is AutoresetMode.NEXT_STEP:
             if due is not None:

@@ -144,7 +144,8 @@ def kernel_holding_lock(function: Function) -> Function:
 
 def entry(function: Any, *arguments: Any) -> Callable[..., Any]:
     """Return a kernel's compiled code for arguments like these; called directly it costs a third of what dispatch does."""
-    signature = tuple(numba.typeof(argument) for argument in arguments)
+    typeof: Any = numba.typeof
+    signature = tuple(typeof(argument) for argument in arguments)
     function.compile(signature)
     code: Callable[..., Any] = function.get_overload(signature)
     return code

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from flexdrive_gym.drive.compilation import (
     flags_at,
     floats_at,
@@ -26,13 +24,78 @@ from flexdrive_gym.drive.effects import N_BASE_PARAMETERS, N_PARAMETERS, N_STATE
 from flexdrive_gym.drive.forces import W2, readings
 from flexdrive_gym.drive.lanes import TABLE_COLUMNS, integrate_each, integrate_lanes
 from flexdrive_gym.drive.layout import (
-    A_ACTIONS, A_AHEAD, A_BOUND, A_CLOCK, A_FACTOR, A_HIGHEST, A_INVERSE, A_LANES, A_LINE, A_LOWEST, A_MEMORY, A_NOMINAL,
-    A_OBSERVATION, A_P, A_PICKS, A_RECORD, A_REFERENCES, A_REWARD, A_ROW, A_SCALE, A_SCRATCH, A_SEEDS, A_SEEN, A_STATE,
-    A_TABLES, A_TASK, A_TERMINATED, A_TOLD, A_TRUNCATED, A_WHICH, A_WORK, COMMAND, DECAY_1, DECAY_2, DRAWN, ENDED, ENTRIES,
-    ERROR, HIGH, HORIZON, JOINT, LANES, LATE, LEAPS, LOW, MODELS, NOISE, ONE_BY_ONE, PARAMETER_ROWS,
-    PERIOD, PREVIEWS, READ_1, READ_2, REFERENCE, REFERENCES, SAMPLES, SEEN, SENSING, SHORT, SPEED_1, SPEED_2, STATE_ROWS,
-    SUBSTEPS, TELLS, TOLD_ROWS, V1, V2, X1, X2, padded,
-)  # fmt: skip
+    A_ACTIONS,
+    A_AHEAD,
+    A_BOUND,
+    A_CLOCK,
+    A_FACTOR,
+    A_HIGHEST,
+    A_INVERSE,
+    A_LANES,
+    A_LINE,
+    A_LOWEST,
+    A_MEMORY,
+    A_NOMINAL,
+    A_OBSERVATION,
+    A_P,
+    A_PICKS,
+    A_RECORD,
+    A_REFERENCES,
+    A_REWARD,
+    A_ROW,
+    A_SCALE,
+    A_SCRATCH,
+    A_SEEDS,
+    A_SEEN,
+    A_STATE,
+    A_TABLES,
+    A_TASK,
+    A_TERMINATED,
+    A_TOLD,
+    A_TRUNCATED,
+    A_WHICH,
+    A_WORK,
+    COMMAND,
+    DECAY_1,
+    DECAY_2,
+    DRAWN,
+    ENDED,
+    ENTRIES,
+    ERROR,
+    HIGH,
+    HORIZON,
+    JOINT,
+    LANES,
+    LATE,
+    LEAPS,
+    LOW,
+    MODELS,
+    NOISE,
+    ONE_BY_ONE,
+    PARAMETER_ROWS,
+    PERIOD,
+    PREVIEWS,
+    READ_1,
+    READ_2,
+    REFERENCE,
+    REFERENCES,
+    ROW,
+    SAMPLES,
+    SEEN,
+    SENSING,
+    SHORT,
+    SPEED_1,
+    SPEED_2,
+    STATE_ROWS,
+    SUBSTEPS,
+    TELLS,
+    TOLD_ROWS,
+    V1,
+    V2,
+    X1,
+    X2,
+    padded,
+)
 from flexdrive_gym.drive.observation import observe
 from flexdrive_gym.drive.sample import CUTOFF_1, CUTOFF_2, MEMORY, decay
 from flexdrive_gym.drive.sensing import (
@@ -46,6 +109,7 @@ from flexdrive_gym.drive.sensing import (
     refer,
     sense,
     sense_each,
+    tell,
 )
 from flexdrive_gym.drive.step import tabulate
 
@@ -77,9 +141,9 @@ def _record(block: Any) -> None:
     """Write down all that is known of the only drive, in the order of the environment's ``info``."""
     state, told, record = floats_at(block[A_STATE]), floats_at(block[A_TOLD]), floats_at(block[A_RECORD])
     for k in range(STATE_ROWS):
-        record[k] = state[k * LANES]
+        record[k] = state[k * ROW]
     for k in range(TOLD_ROWS):
-        record[STATE_ROWS + k] = told[k * LANES]
+        record[STATE_ROWS + k] = told[k * ROW]
 
 
 @inlined
@@ -91,8 +155,8 @@ def _step_strip(begin: int, n: int, block: Any, z: Any) -> int:
     clocks, p, scratch = integers_at(block[A_CLOCK]), floats_at(block[A_P]), floats_at(block[A_SCRATCH])
     clock, row = shifted(clocks, begin), shifted(integers_at(block[A_ROW]), begin)
     strip, period = begin // LANES, task[PERIOD]
-    state = shifted(floats_at(block[A_STATE]), strip * STATE_ROWS * LANES)
-    q = shifted(floats_at(block[A_LANES]), (0 if shared else strip) * PARAMETER_ROWS * LANES)
+    state = shifted(floats_at(block[A_STATE]), strip * STATE_ROWS * ROW)
+    q = shifted(floats_at(block[A_LANES]), (0 if shared else strip) * PARAMETER_ROWS * ROW)
     act(n, shifted(floats_at(block[A_ACTIONS]), begin), task, q, state, work)
     if task[NOISE] > 0.0:
         draw_noise(begin, n, task, naturals_at(block[A_SEEDS]), work)
@@ -108,21 +172,11 @@ def _step_strip(begin: int, n: int, block: Any, z: Any) -> int:
     else:
         sense_each(begin, n, shared, period, clocks, p, scratch, q, state, work)
     together = refer(n, task, samples, clock, row, references, work)
-    judge(padded(n), task, q, state, work)
-    ended = conclude(
-        n,
-        task[HORIZON],
-        clock,
-        shifted(floats_at(block[A_REWARD]), begin),
-        shifted(flags_at(block[A_TERMINATED]), begin),
-        shifted(flags_at(block[A_TRUNCATED]), begin),
-        work,
-    )
+    judge(n, task, q, state, shifted(floats_at(block[A_REWARD]), begin), work)
     if block[TELLS] == 1:
-        told = shifted(floats_at(block[A_TOLD]), strip * TOLD_ROWS * LANES)
-        for k in range(TOLD_ROWS):
-            for i in range(n):
-                told[k * LANES + i] = work[k * LANES + i]
+        tell(n, task, q, state, shifted(floats_at(block[A_TOLD]), strip * TOLD_ROWS * ROW), work)
+    terminated, truncated = flags_at(block[A_TERMINATED]), flags_at(block[A_TRUNCATED])
+    ended = conclude(n, task[HORIZON], clock, shifted(terminated, begin), shifted(truncated, begin), work)
     if late > 0:
         delay_readings(begin, n, late, clocks, floats_at(block[A_LINE]), state, work)
     seen = shifted(work, SEEN) if late > 0 else shifted(state, READ_1)
@@ -224,13 +278,13 @@ def reset_fleet(address: int, mask: Any, start: Any, z: Any) -> None:
         r1, r2 = readings(start[0], start[2], 0.0, space, q)
         _fill_line(j, block[LATE], r1, r2, start[1], start[3], line)
         strip, i = j // LANES, j % LANES
-        state = shifted(floats_at(block[A_STATE]), strip * STATE_ROWS * LANES + i)
-        told = shifted(floats_at(block[A_TOLD]), strip * TOLD_ROWS * LANES + i)
+        state = shifted(floats_at(block[A_STATE]), strip * STATE_ROWS * ROW + i)
+        told = shifted(floats_at(block[A_TOLD]), strip * TOLD_ROWS * ROW + i)
         state[X1], state[V1], state[X2], state[V2] = start[0], start[1], start[2], start[3]
         state[READ_1], state[READ_2], state[SPEED_1], state[SPEED_2] = r1, r2, start[1], start[3]
         state[COMMAND] = 0.0
         for k in range(TOLD_ROWS):
-            told[k * LANES] = 0.0
+            told[k * ROW] = 0.0
         told[REFERENCE] = references[row[j] * samples]
         told[ERROR] = told[REFERENCE] - (start[2] if q[W2] > 0.0 else start[0])
         _observe(j, 1, True, block, shifted(state, READ_1), state, told)
@@ -241,11 +295,11 @@ def _prepare(j: int, shared: bool, block: Any, q: Any, space: Any) -> None:
     """Set up what a drive's parameters decide: the lanes' rows, or the step's table; forget past commands."""
     period = floats_at(block[A_TASK])[PERIOD]
     strip, i = (0 if shared else j // LANES), j % LANES
-    rows = shifted(floats_at(block[A_LANES]), strip * PARAMETER_ROWS * LANES)
+    rows = shifted(floats_at(block[A_LANES]), strip * PARAMETER_ROWS * ROW)
     decay_1, decay_2 = decay(q[CUTOFF_1], period), decay(q[CUTOFF_2], period)
     for lane in range(0 if shared else i, LANES if shared else i + 1):
         for k in range(N_BASE_PARAMETERS):
-            rows[k * LANES + lane] = q[k]
+            rows[k * ROW + lane] = q[k]
         rows[DECAY_1 + lane], rows[DECAY_2 + lane] = decay_1, decay_2
     if block[ONE_BY_ONE] == 1:
         table = shifted(floats_at(block[A_TABLES]), (0 if shared else j) * TABLE_COLUMNS)

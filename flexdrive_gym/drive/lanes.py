@@ -24,8 +24,8 @@ from flexdrive_gym.drive.layout import (
     E_V2,
     E_X1,
     E_X2,
-    LANES,
     OPEN,
+    ROW,
     V1,
     V2,
     X1,
@@ -111,7 +111,7 @@ def _gather(m: int, h: float, shared: bool, q: Any, picks: Any, state: Any, work
     if not shared:
         for k in range(N_BASE_PARAMETERS):
             for e in range(padded(m)):
-                work[E_PARAMETERS + k * LANES + e] = q[k * LANES + picks[e]]
+                work[E_PARAMETERS + k * ROW + e] = q[k * ROW + picks[e]]
 
 
 @inlined
@@ -120,7 +120,9 @@ def _pieces(m: int, q: Any, work: Any) -> None:
     for e in range(m):
         x1, v1, x2, v2 = work[E_X1 + e], work[E_V1 + e], work[E_X2 + e], work[E_V2 + e]
         u, h, free_1, free_2 = work[E_U + e], work[E_LEFT + e], work[E_FREE_1 + e], work[E_FREE_2 + e]
-        y1, w1, y2, w2, c1, c2, s1, s2, f1, f2 = series(x1, v1, x2, v2, free_1, free_2, u, h, parameters_of(q, e), False)
+        y1, w1, y2, w2, c1, c2, s1, s2, f1, f2 = series(
+            x1, v1, x2, v2, free_1, free_2, u, h, parameters_of(q, e), False
+        )
         t1, t2, side_1, side_2, sure = next_event(c1, c2, s1, s2, f1, f2)
         z1, g1, z2, g2, left, new_1, new_2 = arrive(y1, w1, y2, w2, s1, s2, t1, t2, side_1, side_2)
         work[E_X1 + e] = z1 if sure else x1
@@ -153,7 +155,9 @@ def _rests(m: int, short: bool, q: Any, work: Any) -> None:
     for e in range(m):
         x1, v1, x2, v2 = work[E_X1 + e], work[E_V1 + e], work[E_X2 + e], work[E_V2 + e]
         u, h, free_1, free_2 = work[E_U + e], work[E_LEFT + e], work[E_FREE_1 + e], work[E_FREE_2 + e]
-        y1, w1, y2, w2, c1, c2, s1, s2, f1, f2 = series(x1, v1, x2, v2, free_1, free_2, u, h, parameters_of(q, e), short)
+        y1, w1, y2, w2, c1, c2, s1, s2, f1, f2 = series(
+            x1, v1, x2, v2, free_1, free_2, u, h, parameters_of(q, e), short
+        )
         quiet = lasts(c1, s1, f1) & lasts(c2, s2, f2)
         work[E_X1 + e] = total(y1) if quiet else x1
         work[E_V1 + e] = total(w1) if quiet else v1
@@ -172,10 +176,10 @@ def _scatter(m: int, shared: bool, picks: Any, state: Any, work: Any) -> int:
             if left < e:
                 picks[left] = i
                 for k in range(_MOVED):
-                    work[E_X1 + k * LANES + left] = work[E_X1 + k * LANES + e]
+                    work[E_X1 + k * ROW + left] = work[E_X1 + k * ROW + e]
                 if not shared:
                     for k in range(N_BASE_PARAMETERS):
-                        work[E_PARAMETERS + k * LANES + left] = work[E_PARAMETERS + k * LANES + e]
+                        work[E_PARAMETERS + k * ROW + left] = work[E_PARAMETERS + k * ROW + e]
             left += 1
         else:
             state[X1 + i] = work[E_X1 + e]
@@ -190,7 +194,9 @@ def _give_up(e: int, i: int, q: Any, state: Any, work: Any) -> None:
     """Let a drive with very many events finish the leap in its present mode; a cart that came back through zero rests."""
     x1, v1, x2, v2 = work[E_X1 + e], work[E_V1 + e], work[E_X2 + e], work[E_V2 + e]
     u, h, free_1, free_2 = work[E_U + e], work[E_LEFT + e], work[E_FREE_1 + e], work[E_FREE_2 + e]
-    y1, w1, y2, w2, _c1, _c2, s1, s2, _f1, _f2 = series(x1, v1, x2, v2, free_1, free_2, u, h, parameters_of(q, e), False)
+    y1, w1, y2, w2, _c1, _c2, s1, s2, _f1, _f2 = series(
+        x1, v1, x2, v2, free_1, free_2, u, h, parameters_of(q, e), False
+    )
     state[X1 + i], state[X2 + i] = total(y1), total(y2)
     state[V1 + i] = total(w1) if s1 * total(w1) > 0.0 else 0.0
     state[V2 + i] = total(w2) if s2 * total(w2) > 0.0 else 0.0

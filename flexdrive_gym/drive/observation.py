@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from flexdrive_gym.drive.compilation import inlined
-from flexdrive_gym.drive.layout import COMMAND, LANES, READ_1, READ_2, REFERENCE, SPEED_1, SPEED_2
+from flexdrive_gym.drive.layout import COMMAND, READ_1, READ_2, REFERENCE, ROW, SPEED_1, SPEED_2
 
 _NOW_1, _NOW_2, _SPEED_1, _SPEED_2 = (row - READ_1 for row in (READ_1, READ_2, SPEED_1, SPEED_2))
 
@@ -23,7 +23,7 @@ def _fill(n: int, k: int, values: Any, start: int, scale: Any, bound: Any, rows:
     """Make one row of the observation; return the next one's number."""
     factor, limit = scale[k], bound[k]
     for i in range(n):
-        rows[k * LANES + i] = _entry(values[start + i], factor, limit)
+        rows[k * ROW + i] = _entry(values[start + i], factor, limit)
     return k + 1
 
 
@@ -45,10 +45,10 @@ def _fill_preview(
     if together:
         value = _entry(references[row[0] * samples + clock[0] + ahead], factor, limit)
         for i in range(n):
-            rows[k * LANES + i] = value
+            rows[k * ROW + i] = value
     else:
         for i in range(n):
-            rows[k * LANES + i] = _entry(references[row[i] * samples + clock[i] + ahead], factor, limit)
+            rows[k * ROW + i] = _entry(references[row[i] * samples + clock[i] + ahead], factor, limit)
 
 
 @inlined
@@ -85,7 +85,7 @@ def observe(
     start = _NOW_1 if sensing == 1 else _NOW_2
     factor, limit = scale[k], bound[k]
     for i in range(n):
-        rows[k * LANES + i] = _entry(now[i] - seen[start + i], factor, limit)
+        rows[k * ROW + i] = _entry(now[i] - seen[start + i], factor, limit)
     k = _fill(n, k + 1, now, REFERENCE, scale, bound, rows)
     k = _fill(n, k, state, COMMAND, scale, bound, rows)
     for i in range(previews):
@@ -99,8 +99,8 @@ def _turn(n: int, entries: int, rows: Any, out: Any) -> None:
         # a known width lets the compiler shuffle whole vectors
         for i in range(n):
             for k in range(8):
-                out[i * 8 + k] = rows[k * LANES + i]
+                out[i * 8 + k] = rows[k * ROW + i]
     else:
         for k in range(entries):
             for i in range(n):
-                out[i * entries + k] = rows[k * LANES + i]
+                out[i * entries + k] = rows[k * ROW + i]

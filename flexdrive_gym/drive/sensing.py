@@ -18,7 +18,6 @@ from flexdrive_gym.drive.layout import (
     ERROR_SCALE,
     FAILURE,
     HORIZON,
-    LANES,
     NOISE,
     NOISE_1,
     NOISE_2,
@@ -27,6 +26,7 @@ from flexdrive_gym.drive.layout import (
     READ_1,
     READ_2,
     REFERENCE,
+    ROW,
     SEEN,
     SPEED_1,
     SPEED_2,
@@ -57,7 +57,7 @@ def next_random(seeds: Any, j: int) -> float:
 
 
 @inlined
-def next_normal(seeds: Any, j: int) -> float:
+def next_normal(seeds: Any, j: int) -> Any:
     """Return the next standard normal number of drive j's own stream (Box and Muller)."""
     u = 1.0 - next_random(seeds, j)
     return np.sqrt(-2.0 * np.log(u)) * np.cos(2.0 * np.pi * next_random(seeds, j))
@@ -119,8 +119,8 @@ def delay_readings(low: int, n: int, late: int, clock: Any, line: Any, state: An
         j = low + i
         slot = shifted(line, (j * late + clock[j] % late) * 4)
         for k in range(4):
-            work[SEEN + k * LANES + i] = slot[k]
-            slot[k] = state[READ_1 + k * LANES + i]
+            work[SEEN + k * ROW + i] = slot[k]
+            slot[k] = state[READ_1 + k * ROW + i]
 
 
 @inlined
@@ -147,35 +147,50 @@ def refer(n: int, task: Any, samples: int, clock: Any, row: Any, references: Any
 
 
 @inlined
-def judge(n: int, task: Any, q: Any, state: Any, work: Any) -> None:
-    """Compare the controlled cart (cart 2, or the only one) with the reference; charge error, effort and failure."""
-    per_error, per_volt, travel, stroke = 1.0 / task[ERROR_SCALE], 1.0 / task[VOLTAGE], task[TRAVEL], task[STROKE]
-    tracking, effort, failure = task[WEIGHT_TRACKING], task[WEIGHT_EFFORT], task[WEIGHT_FAILURE]
-    for i in range(n):
-        x1, x2 = state[X1 + i], state[X2 + i]
-        two = q[W2 * LANES + i] > 0.0
-        error = work[REFERENCE + i] - (x2 if two else x1)
-        e, u = error * per_error, state[COMMAND + i] * per_volt
-        reach = max(abs(x1), abs(x2)) - travel
-        stretch = abs(x1 - x2) - stroke if two else -1.0
-        work[ERROR + i] = error
-        work[TRACKING + i] = -tracking * e * e
-        work[EFFORT + i] = -effort * u * u
-        work[FAILURE + i] = -failure if max(reach, stretch) > 0.0 else 0.0
-        work[OPEN + i] = max(reach, stretch)
+def _judged(i: int, task: Any, q: Any, state: Any, work: Any) -> tuple[float, float, float, float, float]:
+    """Compare the controlled cart (cart 2, or the only one) with the reference; charge error, effort and failure.
+
+    Returns error, the three terms and by how much a limit is exceeded.
+    """
+    x1, x2 = state[X1 + i], state[X2 + i]
+    two = q[W2 * ROW + i] > 0.0
+    error = work[REFERENCE + i] - (x2 if two else x1)
+    e, u = error * (1.0 / task[ERROR_SCALE]), state[COMMAND + i] * (1.0 / task[VOLTAGE])
+    reach = max(abs(x1), abs(x2)) - task[TRAVEL]
+    beyond = max(reach, abs(x1 - x2) - task[STROKE]) if two else reach
+    failure = -task[WEIGHT_FAILURE] if beyond > 0.0 else 0.0
+    return error, -task[WEIGHT_TRACKING] * e * e, -task[WEIGHT_EFFORT] * u * u, failure, beyond
 
 
 @inlined
-def conclude(
-    n: int, horizon: float, clock: Any, reward: Any, terminated: Any, truncated: Any, work: Any
-) -> int:
-    """Sum the reward up and say whose episode ends and how; return how many do."""
+def judge(n: int, task: Any, q: Any, state: Any, reward: Any, work: Any) -> None:
+    """Sum the reward up."""
+    for i in range(n):
+        _error, tracking, effort, failure, beyond = _judged(i, task, q, state, work)
+        reward[i] = tracking + effort + work[RATE + i] + failure
+        work[OPEN + i] = beyond
+
+
+@inlined
+def tell(n: int, task: Any, q: Any, state: Any, told: Any, work: Any) -> None:
+    """Write down what :func:`judge` found, term by term."""
+    for i in range(n):
+        error, tracking, effort, failure, _beyond = _judged(i, task, q, state, work)
+        told[REFERENCE + i] = work[REFERENCE + i]
+        told[ERROR + i] = error
+        told[TRACKING + i] = tracking
+        told[EFFORT + i] = effort
+        told[RATE + i] = work[RATE + i]
+        told[FAILURE + i] = failure
+
+
+@inlined
+def conclude(n: int, horizon: float, clock: Any, terminated: Any, truncated: Any, work: Any) -> int:
+    """Say whose episode ends and how; return how many do."""
     ended = 0
     for i in range(n):
         lost, over = work[OPEN + i] > 0.0, clock[i] >= horizon
         terminated[i] = 1 if lost else 0
         truncated[i] = 1 if over & (not lost) else 0
         ended += 1 if lost | over else 0
-    for i in range(n):
-        reward[i] = work[TRACKING + i] + work[EFFORT + i] + work[RATE + i] + work[FAILURE + i]
     return ended

@@ -60,7 +60,16 @@ def _direction(v: float, released: float, force: float, hold: float) -> float:
 
 @inlined
 def series(
-    x1: float, v1: float, x2: float, v2: float, released_1: float, released_2: float, u: float, h: float, p: Any, short: bool
+    x1: float,
+    v1: float,
+    x2: float,
+    v2: float,
+    released_1: float,
+    released_2: float,
+    u: float,
+    h: float,
+    p: Any,
+    short: bool,
 ) -> Any:
     """Return the motion over h: power series of x1, v1, x2, v2, then slack, direction and friction of either cart.
 
@@ -121,24 +130,24 @@ def series(
 
 
 @inlined
-def total(c: Any) -> float:
+def total(c: Any) -> Any:
     """Return a series' value at its end."""
     return c[0] + (c[1] + (c[2] + (c[3] + (c[4] + (c[5] + c[6])))))
 
 
 @inlined
-def _value(c: Any, t: float) -> float:
+def _value(c: Any, t: float) -> Any:
     return fused(t, fused(t, fused(t, fused(t, fused(t, fused(t, c[6], c[5]), c[4]), c[3]), c[2]), c[1]), c[0])
 
 
 @inlined
-def _slope(c: Any, t: float) -> float:
+def _slope(c: Any, t: float) -> Any:
     high = fused(t, fused(t, 6.0 * c[6], 5.0 * c[5]), 4.0 * c[4])
     return fused(t, fused(t, fused(t, high, 3.0 * c[3]), 2.0 * c[2]), c[1])
 
 
 @inlined
-def lasts(c: Any, s: float, level: float) -> bool:
+def lasts(c: Any, s: float, level: float) -> Any:
     """Whether a cart surely keeps its mode: the slack's Bernstein coefficients are not negative.
 
     A term of third or higher order is at most its coefficient times τ², which is what the last Bernstein coefficient
@@ -161,7 +170,7 @@ def _slack(c: Any, s: float, level: float) -> Any:
 
 
 @inlined
-def _once(q: Any) -> bool:
+def _once(q: Any) -> Any:
     """Whether a slack surely has exactly one root: opposite signs at both ends, and monotone or curved one way only."""
     r2, r3, r4, r5, r6 = abs(q[2]), abs(q[3]), abs(q[4]), abs(q[5]), abs(q[6])
     monotone = 2.0 * r2 + 3.0 * r3 + 4.0 * r4 + 5.0 * r5 + 6.0 * r6 <= abs(q[1])
@@ -170,7 +179,7 @@ def _once(q: Any) -> bool:
 
 
 @inlined
-def _guess(q: Any) -> float:
+def _guess(q: Any) -> Any:
     """Return the root of a slack's quadratic part."""
     return 2.0 * q[0] / (np.sqrt(max(q[1] * q[1] - 4.0 * q[0] * q[2], 0.0)) - q[1])
 
@@ -230,7 +239,7 @@ def search(
 
 
 @inlined
-def _bracketed(q: Any, low: float, high: float) -> float:
+def _bracketed(q: Any, low: float, high: float) -> Any:
     """Return a root between a slack that is not negative and one that is: Newton's method, kept inside by bisection."""
     if _value(q, low) <= 0.0:
         return low
@@ -255,7 +264,7 @@ def arrive(
     x1: Any, v1: Any, x2: Any, v2: Any, s1: float, s2: float, t1: float, t2: float, side_1: float, side_2: float
 ) -> tuple[float, float, float, float, float, float, float]:
     """Follow the series to the first event or the end: x1, v1, x2, v2, the share of time left, who was released where."""
-    t = min(min(t1, t2), 1.0)
+    t = min(t1, t2, 1.0)
     now_1, now_2 = t1 <= t, t2 <= t
     return (
         _value(x1, t),
