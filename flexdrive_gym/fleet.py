@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from math import ceil, sqrt
@@ -20,6 +21,7 @@ from flexdrive_gym.recording import BoolArray, FloatArray
 from flexdrive_gym.task import ERROR_SCALE_MM, SENSINGS, Task
 
 LEAST_PER_THREAD = 8192
+SHARES = 4
 INFO = ("x1", "v1", "x2", "v2", "read_x1", "read_x2", "read_v1", "read_v2", "u", "xr", "e")
 TERMS = ("tracking", "effort", "rate", "failure")
 # rows of the state in the order of INFO and TERMS
@@ -29,7 +31,7 @@ MOST_SPARE = 4
 
 
 class Outputs:
-    """What one step writes, and the blocks (one per thread) that send the kernels there.
+    """What one step writes, and the blocks (one per share of the work) that send the kernels there.
 
     Attributes
     ----------
@@ -75,7 +77,7 @@ class Fleet:
     n
         How many.
     threads
-        Threads that share the work of a step; used only where every one has at least 8,192 drives, because handing out
+        Threads that share the work of a step; used only where each would have at least 8,192 drives, because handing out
         work takes longer than advancing fewer. The result does not depend on it.
     tells
         Whether :meth:`step` keeps reference, error and the reward's terms of :meth:`state` up to date, which takes time.
@@ -153,8 +155,10 @@ class Fleet:
             layout.TELLS: int(tells),
         }
         self._everyone = np.ones(n, dtype=np.bool_)
-        self._parts, self._work = self._divide(sizes, max(1, min(threads, n // LEAST_PER_THREAD)))
-        self._pool = ThreadPoolExecutor(len(self._parts) - 1) if len(self._parts) > 1 else None
+        useful = max(1, min(threads, n // LEAST_PER_THREAD))
+        self._parts, self._work = self._divide(sizes, useful * SHARES if useful > 1 else 1)
+        self._helpers = useful - 1
+        self._pool = ThreadPoolExecutor(self._helpers) if self._helpers else None
         self.ended = 0
         self.outputs = self.new_outputs()
         self._unreferenced = self.outputs.references()
@@ -185,12 +189,23 @@ class Fleet:
             self.kernel(out.addresses[0], self.z)
             self.ended = out.ended[0][0]
             return out
-        jobs = [self._pool.submit(self.kernel, address, self.z) for address in out.addresses[1:]]
-        self.kernel(out.addresses[0], self.z)
+        # every thread takes shares until none is left, so that one that is late or never scheduled costs little
+        shares = deque(out.addresses)
+        jobs = [self._pool.submit(self._take, shares) for _ in range(self._helpers)]
+        self._take(shares)
         for job in jobs:
-            job.result()
+            if not job.cancel():
+                job.result()
         self.ended = sum(view[0] for view in out.ended)
         return out
+
+    def _take(self, shares: deque[int]) -> None:
+        while shares:
+            try:
+                address = shares.popleft()
+            except IndexError:
+                return  # another thread was faster
+            self.kernel(address, self.z)
 
     def renew(self) -> None:
         """Go on in arrays that nobody refers to, with the same contents."""
@@ -221,7 +236,7 @@ class Fleet:
         return fresh
 
     def _divide(self, sizes: dict[int, int], parts: int) -> tuple[list[npt.NDArray[np.int64]], list[Any]]:
-        """Return a block per thread, and the work spaces that belong to them."""
+        """Return a block per share of the work, and the work spaces that belong to them."""
         edges = np.linspace(0, ceil(self.n / layout.LANES), parts + 1).astype(int) * layout.LANES
         blocks, held = [], []
         for low, high in pairwise(edges):

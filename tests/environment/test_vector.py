@@ -20,6 +20,8 @@ VARIANTS = {
     "randomised": RANDOM,
     "delayed": {"effects": {"input_delay.tau": 0.0033}, "noise": 0.02},
     "1 ms": {"control_period": 1e-3},
+    "several leaps": {"control_period": 0.02, "randomise": {"m2": (2e-4, 5e-4), "C": (0.0, 0.001)}},
+    "mostly at rest": {"voltage_limit": 0.7},
     "late sensors": {"sensor_delay": 0.015, "noise": 0.02},
     "frictionless": {"drive": Drive({**RIG, "d1": 0.0, "d2": 0.0})},
 }
@@ -48,9 +50,9 @@ def singles(n, actions, seed, **arguments):
 
 
 @pytest.mark.parametrize("name", VARIANTS)
-@pytest.mark.parametrize("n", [1, 3, 70])
+@pytest.mark.parametrize("n", [1, 3, 140])
 def test_bit_equal_to_the_single_environment(name, n):
-    steps = {1: 2000, 3: 700, 70: 60}[n]
+    steps = {1: 2000, 3: 700, 140: 40}[n]
     arguments = {"duration": 0.4, "travel_limit": 70.0, **VARIANTS[name]}
     actions = np.random.default_rng(5).uniform(-1, 1, (steps, n, 1)).astype(np.float32)
     env = batched(n, **arguments)
@@ -171,7 +173,7 @@ def test_spaces_and_batches_match():
 def test_threads_change_nothing(arguments):
     n = 2 * LEAST_PER_THREAD + 100
     envs = [batched(n, threads=threads, duration=0.1, **arguments) for threads in (1, 2)]
-    assert len(envs[1].fleet.outputs.blocks) == 2
+    assert len(envs[1].fleet.outputs.blocks) > 1
     actions = np.random.default_rng(8).uniform(-1, 1, (25, n, 1)).astype(np.float32)
     first = [env.reset(seed=1)[0] for env in envs]
     assert np.array_equal(*first)
