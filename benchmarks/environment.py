@@ -66,6 +66,9 @@ def main() -> None:
         times = interleaved(pair, 7)
         rate, ratio = n * calls / times["own"], times["peer"] / times["own"]
         print(f"{n:6d} × {label}: {rate / 1e6:6.2f}M steps/s, {ratio:5.2f} × CartPole's batch (aim {aim:g})")
+    pair = {str(k): batch(_batched(ID, 16384, threads=k), 20) for k in (1, 2)}
+    times = interleaved(pair, 25)
+    print(f" 16384 × 5 ms: {times['1'] / times['2']:5.2f} × as fast on two threads as on one (aim 0.8)")
 
 
 def footprint() -> None:
@@ -80,5 +83,5 @@ def footprint() -> None:
     print(f"memory: {used / 1000:.0f} bytes per drive of a randomised batch (aim 1 kB)")
 
 
-def _batched(name: str, n: int, **arguments: float) -> gymnasium.vector.VectorEnv:
+def _batched(name: str, n: int, **arguments: object) -> gymnasium.vector.VectorEnv:
     return gymnasium.make_vec(name, num_envs=n, vectorization_mode="vector_entry_point", **arguments)
