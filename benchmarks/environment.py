@@ -8,6 +8,7 @@ import numpy as np
 
 import flexdrive_gym  # noqa: F401  (registers the environments)
 from benchmarks.speed import interleaved
+from flexdrive_gym.fleet import OUTPUTS
 
 ID = "FlexDrive-NonCollocated-v0"
 SINGLE_STEPS, SAMPLES = 20_000, 16
@@ -63,9 +64,13 @@ def main() -> None:
         }
         for job in pair.values():
             job()  # type: ignore[operator]
-        times = interleaved(pair, 7)
+        # many rounds: a round is so short that another program may take it all
+        times = interleaved(pair, 31)
         rate, ratio = n * calls / times["own"], times["peer"] / times["own"]
         print(f"{n:6d} × {label}: {rate / 1e6:6.2f}M steps/s, {ratio:5.2f} × CartPole's batch (aim {aim:g})")
+    pair = {str(k): batch(_batched(ID, 16384, threads=k), 20) for k in (1, 2)}
+    times = interleaved(pair, 25)
+    print(f" 16384 × 5 ms: {times['1'] / times['2']:5.2f} × as fast on two threads as on one (aim 0.8)")
 
 
 def footprint() -> None:
@@ -76,9 +81,11 @@ def footprint() -> None:
     runs = [subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True) for _ in range(5)]
     print(f"import: {np.median([float(r.stdout) for r in runs]):.2f} s of CPU beyond numpy and gymnasium (aim 0.3)")
     env = _batched(ID, 1000, randomise={"m1": (6e-4, 9e-4)})
-    used = sum(a.nbytes for name, a in env.unwrapped.fleet.arrays.items() if name not in {"references", "work"})
+    fleet = env.unwrapped.fleet
+    used = sum(array.nbytes for name, array in fleet.arrays.items() if name != "references")
+    used += sum(getattr(fleet.outputs, name).nbytes for name in OUTPUTS)
     print(f"memory: {used / 1000:.0f} bytes per drive of a randomised batch (aim 1 kB)")
 
 
-def _batched(name: str, n: int, **arguments: float) -> gymnasium.vector.VectorEnv:
+def _batched(name: str, n: int, **arguments: object) -> gymnasium.vector.VectorEnv:
     return gymnasium.make_vec(name, num_envs=n, vectorization_mode="vector_entry_point", **arguments)

@@ -2,25 +2,69 @@
 
 from __future__ import annotations
 
+from collections import deque
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
+from math import ceil, sqrt
+from sys import getrefcount
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from flexdrive_gym.drive import fleet as kernels
-from flexdrive_gym.drive import parameters
+from flexdrive_gym.drive import lanes, layout, parameters, series
+from flexdrive_gym.drive.compilation import entry
 from flexdrive_gym.drive.effects import N_BASE_PARAMETERS, WORKSPACE
 from flexdrive_gym.drive.sample import MEMORY
-from flexdrive_gym.recording import BoolArray
+from flexdrive_gym.recording import BoolArray, FloatArray
 from flexdrive_gym.task import ERROR_SCALE_MM, SENSINGS, Task
 
-LEAST_PER_THREAD = 2048
+LEAST_PER_THREAD = 8192
+SHARES = 4
 INFO = ("x1", "v1", "x2", "v2", "read_x1", "read_x2", "read_v1", "read_v2", "u", "xr", "e")
 TERMS = ("tracking", "effort", "rate", "failure")
 # rows of the state in the order of INFO and TERMS
 KEYS = (*INFO, *(f"reward_{name}" for name in TERMS))
+OUTPUTS = ("observation", "reward", "terminated", "truncated")
+MOST_SPARE = 4
+
+
+class Outputs:
+    """What one step writes, and the blocks (one per share of the work) that send the kernels there.
+
+    Attributes
+    ----------
+    observation, reward, terminated, truncated : ndarray, shapes (n, entries), (n,), (n,), (n,)
+        The observation's shape may be (entries,) for a fleet of one.
+    record : ndarray, shape (keys,)
+        Of a fleet of one: all that is known after a step, in the order of :data:`KEYS`.
+    """
+
+    __slots__ = ("addresses", "blocks", "ended", "observation", "record", "reward", "terminated", "truncated")
+
+    def __init__(self, shape: tuple[int, ...], n: int, parts: list[npt.NDArray[np.int64]]) -> None:
+        # of the shape that is handed out: a view would not be told when a view of it is made
+        self.observation = np.zeros(shape, dtype=np.float32)
+        self.reward, self.record = np.zeros(n), np.zeros(len(KEYS))
+        self.terminated, self.truncated = np.zeros(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
+        self.blocks = [block.copy() for block in parts]
+        for name in (*OUTPUTS, "record"):
+            address = getattr(self, name).ctypes.data
+            for block in self.blocks:
+                block[layout.PLACE[name]] = address
+        self.addresses = [block.ctypes.data for block in self.blocks]
+        # memoryviews read single numbers in a third of the time that array indexing takes
+        self.ended: list[Any] = [memoryview(block[layout.ENDED :]) for block in self.blocks]  # type: ignore[arg-type]
+
+    def references(self) -> int:
+        """Return how often the arrays are referred to, by whoever got them and their views included."""
+        return (
+            getrefcount(self.observation)
+            + getrefcount(self.reward)
+            + getrefcount(self.terminated)
+            + getrefcount(self.truncated)
+        )
 
 
 class Fleet:
@@ -33,66 +77,58 @@ class Fleet:
     n
         How many.
     threads
-        Threads that share the work of a step; used only where every one has at least 2,048 drives, because handing out
+        Threads that share the work of a step; used only where each would have at least 8,192 drives, because handing out
         work takes longer than advancing fewer. The result does not depend on it.
+    tells
+        Whether :meth:`step` keeps reference, error and the reward's terms of :meth:`state` up to date, which takes time.
 
     Attributes
     ----------
     actions : ndarray, shape (n,)
         To be set before :meth:`step`.
-    observation, reward, terminated, truncated : ndarray, shapes (n, entries), (n,), (n,), (n,)
-        Written by :meth:`step` and :meth:`reset`; reused, so copy what is kept.
-    state : ndarray, shape (rows, n)
-        In the order of :data:`KEYS`.
+    outputs : Outputs
+        Observation, reward and the flags that the last :meth:`step` or :meth:`reset` wrote. A step never writes into
+        arrays that somebody still refers to.
+    ended : int
+        How many episodes ended in the last step.
     """
 
-    def __init__(self, task: Task, n: int, threads: int = 1) -> None:
+    def __init__(self, task: Task, n: int, threads: int = 1, *, tells: bool = True) -> None:
         self.task, self.n = task, n
-        drawn = task.randomisation
+        drawn, rig, entries = task.randomisation, task.rig, task.names()
         self.models = n if drawn.names else 1
-        rig = task.rig
         full = parameters.workspace(rig.values) is not None or any(not _is_base(name) for name in drawn.names)
         delayed = rig["input_delay.tau"] > 0.0 or "input_delay.tau" in drawn.names
-        one_by_one = full or delayed
-        entries = task.names()
-        bound = np.array([b for _name, _unit, b in entries])
-        constants = np.zeros(kernels.TASK_ENTRIES)
-        constants[: 7] = (
-            task.control_period, task.travel_limit, task.stroke_limit,
-            *(task.weights[name] for name in TERMS),
-        )  # fmt: skip
-        constants[7:] = ERROR_SCALE_MM, task.voltage, task.horizon, task.noise
+        self.one_by_one = full or delayed
+        limits = np.array([b for _name, _unit, b in entries])
         self.actions = np.zeros(n)
-        self.state = np.zeros((kernels.STATE_ROWS, n))
+        strips = ceil(n / layout.LANES)
+        self._state = np.zeros((strips, layout.STATE_ROWS, layout.ROW))
+        self._told = np.zeros((strips, layout.TOLD_ROWS, layout.ROW))
         self.clock = np.zeros(n, dtype=np.int64)
         self.seeds = np.zeros(n, dtype=np.uint64)
         vector = rig.vector()
         self.p = np.tile(vector if full else vector[:N_BASE_PARAMETERS], (self.models, 1))
         self.z = np.zeros((n, WORKSPACE)) if full else None
-        self.observation = np.zeros((n, len(entries)), dtype=np.float32)
-        self.reward = np.zeros(n)
-        self.terminated, self.truncated = np.zeros(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
-        self.bound = (np.ones(len(entries)) if task.normalise else bound).astype(np.float32)
+        self.bound = (np.ones(len(entries)) if task.normalise else limits).astype(np.float32)
+        alone = n if self.one_by_one else 0
         self.arrays: dict[str, npt.NDArray[Any]] = {
             "actions": self.actions,
-            "task": constants,
-            "state": self.state,
+            "task": _constants(task),
+            "state": self._state,
+            "told": self._told,
             "clock": self.clock,
             "row": np.zeros(n, dtype=np.int64),
             "seeds": self.seeds,
             "p": self.p,
-            "tables": np.zeros((self.models, kernels.TABLE_COLUMNS)),
-            "memory": np.zeros((n if one_by_one else 0, MEMORY)),
+            "lanes": np.zeros((strips if drawn.names else 1, layout.PARAMETER_ROWS, layout.ROW)),
+            "tables": np.zeros((min(alone, self.models), lanes.TABLE_COLUMNS)),
+            "memory": np.zeros((alone, MEMORY)),
             "references": task.references,
             "ahead": task.ahead,
-            "scale": 1.0 / bound if task.normalise else np.ones(len(entries)),
+            "scale": 1.0 / limits if task.normalise else np.ones(len(entries)),
             # the space's bounds are single precision: clip to what they are
             "bound": self.bound.astype(np.float64),
-            "work": np.zeros(max(kernels.LANES_WORK, len(drawn.names))),
-            "observation": self.observation,
-            "reward": self.reward,
-            "terminated": self.terminated,
-            "truncated": self.truncated,
             "nominal": np.array([rig[name] for name in drawn.names]),
             "which": np.array([parameters.index(name) for name in drawn.names], dtype=np.int64),
             "inverse": np.array([name in parameters.MASS_PARAMETERS for name in drawn.names], dtype=np.int64),
@@ -101,25 +137,34 @@ class Fleet:
             "factor": drawn.factor,
             "line": np.zeros((n, task.late, 4)),
         }
-        self.addresses = np.array([self.arrays[name].ctypes.data for name in kernels.ARRAYS], dtype=np.int64)
+        number, short = leaps(task)
         sizes = {
-            kernels.DRIVES: n,
-            kernels.SENSING: SENSINGS[task.sensing],
-            kernels.SUBSTEPS: task.substeps,
-            kernels.MODELS: self.models,
-            kernels.ENTRIES: len(entries),
-            kernels.PREVIEWS: len(task.ahead),
-            kernels.SAMPLES: task.references.shape[1],
-            kernels.REFERENCES: task.references.shape[0],
-            kernels.ONE_BY_ONE: int(one_by_one),
-            kernels.DRAWN: len(drawn.names),
-            kernels.JOINT: int(drawn.factor.size > 0),
-            kernels.LATE: task.late,
+            layout.DRIVES: n,
+            layout.SENSING: SENSINGS[task.sensing],
+            layout.SUBSTEPS: task.substeps,
+            layout.LEAPS: number,
+            layout.SHORT: int(short),
+            layout.MODELS: self.models,
+            layout.ENTRIES: len(entries),
+            layout.PREVIEWS: len(task.ahead),
+            layout.SAMPLES: task.references.shape[1],
+            layout.REFERENCES: task.references.shape[0],
+            layout.ONE_BY_ONE: int(self.one_by_one),
+            layout.DRAWN: len(drawn.names),
+            layout.JOINT: int(drawn.factor.size > 0),
+            layout.LATE: task.late,
+            layout.TELLS: int(tells),
         }
-        self.sizes = np.array([sizes[i] for i in range(kernels.SIZES)], dtype=np.int64)
         self._everyone = np.ones(n, dtype=np.bool_)
-        self._parts = self._divide(max(1, min(threads, n // LEAST_PER_THREAD)))
-        self._pool = ThreadPoolExecutor(len(self._parts)) if len(self._parts) > 1 else None
+        useful = max(1, min(threads, n // LEAST_PER_THREAD))
+        self._parts, self._work = self._divide(sizes, useful * SHARES if useful > 1 else 1)
+        self._helpers = useful - 1
+        self._pool = ThreadPoolExecutor(self._helpers) if self._helpers else None
+        self.ended = 0
+        self.outputs = self.new_outputs()
+        self._unreferenced = self.outputs.references()
+        self._spare = [self.outputs]
+        self.kernel = entry(kernels.step_single if n == 1 else kernels.step_fleet, 0, self.z)
 
     def seed(self, seeds: npt.ArrayLike, mask: BoolArray | None = None) -> None:
         """Give every (masked) drive a random stream of its own; ``seeds`` are integers, shape (n,)."""
@@ -130,35 +175,106 @@ class Fleet:
         self.seeds[where] = mixed[where]
 
     def reset(self, mask: BoolArray | None = None, start: npt.ArrayLike = (0.0, 0.0, 0.0, 0.0)) -> None:
-        """Start new episodes of the (masked) drives at x1, v1, x2, v2."""
+        """Start new episodes of the (masked) drives at x1, v1, x2, v2; writes into :attr:`outputs`."""
         begin = np.array(start, dtype=np.float64)
         if begin.shape != (4,) or not np.all(np.isfinite(begin)):
             raise ValueError(f"state: must be four finite numbers x1, v1, x2, v2; got {start!r}.")
         where = self._everyone if mask is None else mask
-        kernels.reset_fleet(0, self.n, where, begin, self.sizes, self.addresses, self.z)
+        for address in self.outputs.addresses:
+            kernels.reset_fleet(address, where, begin, self.z)
 
-    def step(self) -> None:
-        """Advance all drives by one control period under ``actions``."""
+    def step(self) -> Outputs:
+        """Advance all drives by one control period under ``actions``; return :attr:`outputs`, others than before."""
+        out = self.outputs = self._unused()
         if self._pool is None:
-            kernels.step_fleet(0, self.n, self.sizes, self.addresses, self.z)
-            return
-        jobs = [
-            self._pool.submit(kernels.step_fleet, low, high, self.sizes, addresses, self.z)
-            for low, high, addresses, _held in self._parts
-        ]
+            self.kernel(out.addresses[0], self.z)
+            self.ended = out.ended[0][0]
+            return out
+        # every thread takes shares until none is left, so that one that is late or never scheduled costs little
+        shares = deque(out.addresses)
+        jobs = [self._pool.submit(self._take, shares) for _ in range(self._helpers)]
+        self._take(shares)
         for job in jobs:
-            job.result()
+            if not job.cancel():
+                job.result()
+        self.ended = sum(view[0] for view in out.ended)
+        return out
 
-    def _divide(self, parts: int) -> list[tuple[int, int, npt.NDArray[np.int64], Any]]:
-        """Return a range of drives per thread, with work space of its own."""
-        edges = np.linspace(0, self.n, parts + 1).astype(int)
-        result = []
+    def _take(self, shares: deque[int]) -> None:
+        while shares:
+            try:
+                address = shares.popleft()
+            except IndexError:
+                return  # another thread was faster
+            self.kernel(address, self.z)
+
+    def renew(self) -> None:
+        """Go on in arrays that nobody refers to, with the same contents."""
+        old, self.outputs = self.outputs, self._unused()
+        for name in OUTPUTS:
+            getattr(self.outputs, name)[...] = getattr(old, name)
+
+    def state(self) -> dict[str, FloatArray]:
+        """Return what is known of the drives: :data:`KEYS` to arrays, shape (n,)."""
+        rows = [self._state[:, k] for k in range(layout.STATE_ROWS)] + [
+            self._told[:, k] for k in range(layout.TOLD_ROWS)
+        ]
+        return {key: row[:, : layout.LANES].reshape(-1)[: self.n].copy() for key, row in zip(KEYS, rows, strict=True)}
+
+    def new_outputs(self, *, flat: bool = False) -> Outputs:
+        """Return outputs of this fleet that were never used; ``flat``: of a fleet of one, without its axis."""
+        entries = len(self.bound)
+        return Outputs((entries,) if flat else (self.n, entries), self.n, self._parts)
+
+    def _unused(self) -> Outputs:
+        """Return outputs that nobody refers to: used ones if they were dropped, else new ones."""
+        for out in self._spare:
+            if out.references() == self._unreferenced:
+                return out
+        fresh = self.new_outputs()
+        # whoever keeps what it gets will not give it back: forget the oldest
+        self._spare = [fresh, *self._spare[: MOST_SPARE - 1]]
+        return fresh
+
+    def _divide(self, sizes: dict[int, int], parts: int) -> tuple[list[npt.NDArray[np.int64]], list[Any]]:
+        """Return a block per share of the work, and the work spaces that belong to them."""
+        edges = np.linspace(0, ceil(self.n / layout.LANES), parts + 1).astype(int) * layout.LANES
+        blocks, held = [], []
         for low, high in pairwise(edges):
-            own = np.zeros_like(self.arrays["work"])
-            addresses = self.addresses.copy()
-            addresses[kernels.ARRAYS.index("work")] = own.ctypes.data
-            result.append((int(low), int(high), addresses, own))
-        return result
+            own: dict[str, npt.NDArray[Any]] = {
+                "work": np.zeros(max(layout.LANES_WORK, sizes[layout.DRAWN])),
+                "picks": np.zeros(layout.LANES + 1, dtype=np.int64),
+                "seen": np.zeros((len(self.bound), layout.ROW), dtype=np.float32),
+            }
+            block = np.zeros(layout.BLOCK, dtype=np.int64)
+            for i, value in {**sizes, layout.LOW: int(low), layout.HIGH: min(int(high), self.n)}.items():
+                block[i] = value
+            for name, array in {**self.arrays, **own}.items():
+                block[layout.PLACE[name]] = array.ctypes.data
+            blocks.append(block)
+            held.append(own)
+        return blocks, held
+
+
+def leaps(task: Task) -> tuple[int, bool]:
+    """Return in how many leaps a control period is advanced, and whether short series do, for every drive that is drawn."""
+    low = {name: task.rig[name] for name in ("m1", "m2", "b1", "b2", "k", "C")}
+    high = dict(low)
+    drawn = task.randomisation
+    for name, least, most in zip(drawn.names, drawn.low, drawn.high, strict=True):
+        low[name], high[name] = least, most
+    w1, w2 = 1.0 / low["m1"], 1.0 / low["m2"]
+    rate = sqrt(high["k"] * (w1 + w2)) + high["b1"] * w1 + high["b2"] * w2 + high["C"] * (w1 + w2)
+    reach = rate * task.control_period
+    return max(1, ceil(reach / series.REACH - 1e-9)), reach <= series.SHORT_REACH
+
+
+def _constants(task: Task) -> FloatArray:
+    weights = (task.weights[name] for name in TERMS)
+    return np.array([
+        task.control_period, task.travel_limit, task.stroke_limit, *weights,
+        ERROR_SCALE_MM, task.voltage, task.horizon, task.noise,
+    ])  # fmt: skip
 
 
 def _is_base(name: str) -> bool:

@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
 from flexdrive_gym.environment import action_space, announce_compilation, observation_space
-from flexdrive_gym.fleet import KEYS, Fleet
+from flexdrive_gym.fleet import KEYS, Fleet, Outputs
 from flexdrive_gym.recording import BoolArray, FloatArray
 from flexdrive_gym.task import Task
 
@@ -76,13 +76,16 @@ class FlexDriveVectorEnv(gymnasium.vector.VectorEnv[Observations, npt.NDArray[np
         self.metadata = {**type(self).metadata, "autoreset_mode": mode}
         if not isinstance(threads, int) or threads < 1:
             raise ValueError(f"threads: must be a whole number of at least 1; got {threads!r}.")
-        self.fleet = Fleet(self.task, self.num_envs, threads)
+        told = physical_info or mode is AutoresetMode.SAME_STEP
+        self.fleet = Fleet(self.task, self.num_envs, threads, tells=told)
         self.physical_info = physical_info
         self.single_action_space, self.single_observation_space = action_space(), observation_space(self.fleet)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self._mode = mode
-        self._due = np.zeros(self.num_envs, dtype=np.bool_)
+        self._due: BoolArray | None = None
+        self._shape = (self.num_envs, 1)
+        self._actions = self.fleet.actions.reshape(self._shape)
         self._seeded = False
 
     def reset(
@@ -101,9 +104,11 @@ class FlexDriveVectorEnv(gymnasium.vector.VectorEnv[Observations, npt.NDArray[np
         options = options or {}
         mask = self._mask(options.get("reset_mask"))
         self._seed(seed, mask)
+        self.fleet.renew()
         self.fleet.reset(mask, options.get("state", (0.0, 0.0, 0.0, 0.0)))
-        self._due[mask] = False
-        return self.fleet.observation.copy(), self._info(mask)
+        if self._due is not None:
+            self._due = self._due & ~mask
+        return self.fleet.outputs.observation, self._info(mask)
 
     def step(self, actions: npt.NDArray[np.float32]) -> tuple[Observations, FloatArray, BoolArray, BoolArray, Info]:
         """Hold a command per drive for one control period; drives whose episode ended are reset as the mode says.
@@ -113,45 +118,52 @@ class FlexDriveVectorEnv(gymnasium.vector.VectorEnv[Observations, npt.NDArray[np
         actions : ndarray, shape (num_envs, 1)
             Commands over the voltage limit; clipped to [-1, 1].
         """
-        fleet = self.fleet
-        fleet.actions[:] = np.reshape(actions, self.num_envs)
-        due = self._due if self._mode is AutoresetMode.NEXT_STEP and self._due.any() else None
+        if getattr(actions, "shape", None) != self._shape:
+            actions = np.reshape(actions, self._shape)
+        self._actions[...] = actions
+        fleet, due = self.fleet, self._due
         streams = None if due is None else fleet.seeds[due]
-        fleet.step()
+        out = fleet.step()
+        if fleet.ended or streams is not None or self.physical_info:
+            return self._after(out, due, streams)
+        return out.observation, out.reward, out.terminated, out.truncated, {}
+
+    def _after(
+        self, out: Outputs, due: BoolArray | None, streams: Any
+    ) -> tuple[Observations, FloatArray, BoolArray, BoolArray, Info]:
+        """Do what a step needs that ends, resets or tells something."""
+        fleet = self.fleet
+        info: Info = {}
+        reward, terminated, truncated = out.reward, out.terminated, out.truncated
         if self._mode is AutoresetMode.NEXT_STEP:
-            if due is not None and streams is not None:
+            if due is not None:
                 # the step of a drive that is due only resets it: observation of the new episode, no reward, and a
                 # random stream that knows nothing of the step just made
                 fleet.seeds[due] = streams
                 fleet.reset(due)
-            np.logical_or(fleet.terminated, fleet.truncated, out=self._due)
-            info: Info = {}
-        else:
-            info = self._end_same_step() if self._mode is AutoresetMode.SAME_STEP else {}
+            ended = terminated | truncated
+            self._due = ended if ended.any() else None
+        elif fleet.ended and self._mode is AutoresetMode.SAME_STEP:
+            reward, terminated, truncated = reward.copy(), terminated.copy(), truncated.copy()
+            info = self._end_same_step()
         if self.physical_info:
             info |= self._info(None)
-        if self._mode is AutoresetMode.SAME_STEP:
-            return fleet.observation.copy(), self._last[0], self._last[1], self._last[2], info
-        return fleet.observation.copy(), fleet.reward.copy(), fleet.terminated.copy(), fleet.truncated.copy(), info
+        return out.observation, reward, terminated, truncated, info
 
     def _end_same_step(self) -> Info:
-        fleet = self.fleet
-        self._last = fleet.reward.copy(), fleet.terminated.copy(), fleet.truncated.copy()
-        done = fleet.terminated | fleet.truncated
-        if not done.any():
-            return {}
+        fleet, out = self.fleet, self.fleet.outputs
+        done = out.terminated | out.truncated
         final = np.empty(self.num_envs, dtype=object)
         for j in np.flatnonzero(done):
-            final[j] = fleet.observation[j].copy()
-        last: Info = {key: values.copy() for key, values in zip(KEYS, fleet.state, strict=True)}
+            final[j] = out.observation[j].copy()
+        last: Info = dict(fleet.state())
         last |= {f"_{key}": done.copy() for key in KEYS}
         fleet.reset(done)
         return {"final_obs": final, "_final_obs": done, "final_info": last, "_final_info": done.copy()}
 
     def _info(self, mask: BoolArray | None) -> Info:
         present = np.ones(self.num_envs, dtype=np.bool_) if mask is None else mask
-        info: Info = {key: values.copy() for key, values in zip(KEYS, self.fleet.state, strict=True)}
-        return info | {f"_{key}": present.copy() for key in KEYS}
+        return self.fleet.state() | {f"_{key}": present.copy() for key in KEYS}
 
     def _mask(self, mask: Any) -> BoolArray:
         if mask is None:

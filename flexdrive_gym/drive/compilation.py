@@ -88,6 +88,15 @@ def _shifted(typing_context: Any, base: Any, offset: Any) -> Any:  # noqa: ARG00
     return base(base, types.intp), generate
 
 
+def _fused(typing_context: Any, a: Any, b: Any, c: Any) -> Any:  # noqa: ARG001
+    """Return a·b + c, rounded once: said outright it is the same in vector and scalar code, unlike contraction."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001
+        return builder.fma(*arguments)
+
+    return types.float64(types.float64, types.float64, types.float64), generate
+
+
 def _pointer_to(kind: Any) -> Any:
     def at(typing_context: Any, address: Any) -> Any:  # noqa: ARG001
         of: Any = types.CPointer
@@ -104,6 +113,7 @@ def _pointer_to(kind: Any) -> Any:
 _intrinsic: Any = intrinsic  # its own types say that what it makes returns nothing
 pointer: Callable[[Any], Any] = _intrinsic(_pointer)
 shifted: Callable[[Any, int], Any] = _intrinsic(_shifted)
+fused: Callable[[float, float, float], float] = _intrinsic(_fused)
 # pointers from the addresses of arrays that the caller holds: one argument for many arrays, whose unpacking at every call
 # would take longer than a step
 floats_at: Callable[[int], Any] = _pointer_to(types.float64)
@@ -113,13 +123,31 @@ naturals_at: Callable[[int], Any] = _pointer_to(types.uint64)
 flags_at: Callable[[int], Any] = _pointer_to(types.uint8)
 
 
-def kernel(function: Function) -> Function:
-    """Compile an entry point, cached on disk under the digest of all kernel sources."""
+def _cached(function: Function, options: dict[str, Any]) -> Function:
     config: Any = _config
     previous = config.CACHE_DIR
     config.CACHE_DIR = CACHE_DIRECTORY
     try:
-        done: Function = numba.njit(cache=True, **_OPTIONS)(function)
+        done: Function = numba.njit(cache=True, **options)(function)
     finally:
         config.CACHE_DIR = previous
     return done
+
+
+def kernel(function: Function) -> Function:
+    """Compile an entry point, cached on disk under the digest of all kernel sources."""
+    return _cached(function, _OPTIONS)
+
+
+def kernel_holding_lock(function: Function) -> Function:
+    """Compile an entry point that is over sooner than the interpreter's lock could be released and taken again."""
+    return _cached(function, {**_OPTIONS, "nogil": False})
+
+
+def entry(function: Any, *arguments: Any) -> Callable[..., Any]:
+    """Return a kernel's compiled code for arguments like these; called directly it costs a third of what dispatch does."""
+    typeof: Any = numba.typeof
+    signature = tuple(typeof(argument) for argument in arguments)
+    function.compile(signature)
+    code: Callable[..., Any] = function.get_overload(signature)
+    return code

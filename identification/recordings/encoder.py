@@ -15,7 +15,7 @@ import numpy as np
 from flexdrive_gym.recording import Fault
 from identification.recordings.dips import Dip, find_dips
 from identification.recordings.freezes import RARE, Standstill, find_standstills, lasting
-from identification.recordings.motion import Encoder, channel, encoder_speed, other_travel
+from identification.recordings.motion import Encoder, channel, encoder_speed, leaps, other_travel
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -68,7 +68,7 @@ def encoder_faults(recordings: Sequence[Recording], where: Encoder) -> tuple[lis
         if speed is not None:
             dips = find_dips(*speed, stills[k])
             dips, jolted = _sporadic(recording, dips, dips)
-            found += [_momentary(recording, where, dip) for dip in dips]
+            found += [_momentary(recording, where, dip) for dip in dips] + _leaps(recording, where)
             struck += jolted
         if struck:
             said.append(f"{where}: {struck} jolts recur with the drive, as impacts in a gap do: no fault")
@@ -81,8 +81,9 @@ def _freeze(recording: Recording, where: Encoder, still: Standstill) -> list[Fau
     """Return a freeze, with the samples that its edges cut, and the offset that it leaves in a position."""
     t, end = recording.t, recording.n - 1
     start, stop = max(still.first - 1, 0), min(still.last + 1, end)
-    faults = [Fault(recording.name, where, "encoder_dropout", float(t[start]), float(t[stop]), "frozen")]
-    if channel(recording, f"x{where[-1]}") is not None and still.last < end:
+    note = "frozen, then caught up at once" if still.catches_up else "frozen"
+    faults = [Fault(recording.name, where, "encoder_dropout", float(t[start]), float(t[stop]), note)]
+    if channel(recording, f"x{where[-1]}") is not None and still.last < end and not still.catches_up:
         note = _loss(recording, where, still, start, stop)
         faults.append(Fault(recording.name, where, "lost_counts", float(t[stop]), float(t[end]), note))
     return faults
@@ -105,6 +106,20 @@ def _momentary(recording: Recording, where: Encoder, dip: Dip) -> Fault:
     note = f"{'lost' if dip.lost > 0.0 else 'gained'} counts, about {size:.2g} mm"
     start, end = float(recording.t[dip.first]), float(recording.t[dip.last])
     return Fault(recording.name, where, "encoder_dropout", start, end, note)
+
+
+def _leaps(recording: Recording, where: Encoder) -> list[Fault]:
+    """Return the samples in which position or velocity leap as no cart can."""
+    t, cart = recording.t, where[-1]
+    speeds = [channel(recording, f"v{cart}")]
+    if (x := channel(recording, f"x{cart}")) is not None:
+        speeds.append(np.diff(x, prepend=x[0]) / recording.sample_time)
+    return [
+        Fault(recording.name, where, "encoder_dropout", float(t[first]), float(t[last]), "leaps")
+        for speed in speeds
+        if speed is not None
+        for first, last in leaps(speed)
+    ]
 
 
 def _sporadic(recording: Recording, events: list[_Event], alike: Sequence[_Event]) -> tuple[list[_Event], int]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from identification.recordings.motion import LEAST_BLUR, plausible_change
+from identification.recordings.motion import FASTEST, LEAST_BLUR, plausible_change
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -30,7 +30,7 @@ RARE = 2  # standstills that may be doubtful before they are the rule
 
 @dataclass(frozen=True)
 class Standstill:
-    """A run of zero speed from sample ``first`` to ``last`` and the speeds beside it [mm/s].
+    """A run of zero speed from sample ``first`` to ``last``, the speeds beside it and the sample after it [mm/s].
 
     ``allowed`` is the speed [mm/s] that a cart can plausibly lose or gain within :data:`EDGE` samples.
     """
@@ -39,12 +39,13 @@ class Standstill:
     last: int
     before: float
     after: float
+    next: float
     allowed: float
 
     @property
     def stops_abruptly(self) -> bool:
-        """Whether no cart could have come to rest like this."""
-        return abs(self.before) > self.allowed
+        """Whether no cart could have come to rest like this, or have rested if it went on like this."""
+        return abs(self.before) > self.allowed or abs(self.next) > FASTEST
 
     @property
     def resumes_at_speed(self) -> bool:
@@ -55,6 +56,11 @@ class Standstill:
     def starts_abruptly(self) -> bool:
         """Whether hardly any cart could have started like this; breaking away is a jerk too."""
         return abs(self.after) > 2.0 * self.allowed
+
+    @property
+    def catches_up(self) -> bool:
+        """Whether the counts of the standstill come all at once after it, so that a position is right again."""
+        return abs(self.next) > max(abs(self.before), abs(self.after)) + 2.0 * self.allowed
 
 
 def find_standstills(speed: FloatArray, count: float) -> list[Standstill]:
@@ -86,6 +92,7 @@ def find_standstills(speed: FloatArray, count: float) -> list[Standstill]:
                 last=end - 1,
                 before=float(np.median(before)) if before.size else 0.0,
                 after=float(np.median(after)) if after.size else 0.0,
+                next=float(speed[end]) if end < speed.size else 0.0,
                 allowed=allowed,
             )
         )

@@ -19,6 +19,9 @@ PERCENTILE = 98.0  # of the change of speed while moving: the drive switches for
 ENOUGH = 200  # samples in motion that tell what a cart can do
 SMOOTHING = 5  # samples: averages the counts out
 LEAST_BLUR = 5.0  # mm/s: about one count per ms, for channels that show no count
+FASTEST = 1e4  # mm/s that no cart of a laboratory drive reaches
+LONGEST_LEAP = 10  # samples: a velocity filter smears a leap over some
+RAREST = 0.01  # share of the samples that leaps may take; a wrong unit takes nearly all in which the cart moves
 
 
 def channel(recording: Recording, name: str) -> FloatArray | None:
@@ -51,6 +54,28 @@ def encoder_speed(recording: Recording, where: Encoder) -> tuple[FloatArray, flo
         return np.diff(x, prepend=x[0]) / Ts, count
     # a filtered velocity without its position never reads exactly zero; nothing is found in it
     return None if v is None else (v, count)
+
+
+def leaps(speed: FloatArray) -> list[tuple[int, int]]:
+    """Return where the reading leaps, as no cart can: an encoder that hung makes up for its counts at once.
+
+    A leap exceeds :data:`FASTEST`; its neighbours that exceed a quarter of that belong to it, as a filter of the velocity
+    leaves them.
+
+    Parameters
+    ----------
+    speed
+        Counted speed [mm/s], ndarray, shape (n,); NaN allowed.
+
+    Returns
+    -------
+    list of (int, int)
+        First and last sample of each.
+    """
+    size = np.abs(np.nan_to_num(speed))
+    edges = np.diff(np.r_[0, (size > 0.25 * FASTEST).astype(np.int8), 0])
+    runs = zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True)
+    return [(int(first), int(end) - 1) for first, end in runs if size[first:end].max() > FASTEST]
 
 
 def plausible_change(speed: FloatArray, still: BoolArray) -> float:

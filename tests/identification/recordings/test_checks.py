@@ -43,6 +43,30 @@ def test_micrometres_per_second_labelled_millimetres():
         check(v1=1e3 * V1)
 
 
+@pytest.mark.parametrize("amplitude", [0.55, 0.6, 2.0])
+def test_micrometres_per_second_of_a_slow_cart(amplitude):
+    # a cart that creeps count by count is too fast in single samples only, but the others are too fast as well
+    log = velocity_log("sine", amplitude, 1.0)
+    with pytest.raises(RecordingError, match=r"column v1: \|v1\| must stay below 10000 mm/s"):
+        check(v1=1e3 * log["v1_mm_s"])
+
+
+def test_a_single_leap_of_an_encoder_is_no_wrong_unit():
+    leap = V1.copy()
+    leap[2600] = 3e4
+    check(v1=leap)
+    filtered = V1.copy()
+    filtered[2600:2620] += 3e4 * 0.7 ** np.arange(20)
+    check(v1=filtered)
+
+
+def test_leaps_all_over_a_channel_are():
+    leaps = V1.copy()
+    leaps[::50] = 3e4
+    with pytest.raises(RecordingError, match="single leaps"):
+        check(v1=leaps)
+
+
 def test_metres_labelled_millimetres():
     small = 1e-3 * X1
     with pytest.raises(RecordingError, match="column x1: positions must .* rename it x1_m"):

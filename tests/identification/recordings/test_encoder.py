@@ -177,6 +177,42 @@ def test_a_frozen_position_keeps_the_offset_of_the_lost_counts():
     assert "by the other cart" in lost.note
 
 
+def catch_up(x, first, last):
+    """Return a position whose reading hangs from sample first to last and is right again at the next."""
+    hung = x.copy()
+    hung[first : last + 1] = x[first - 1]
+    return hung
+
+
+@pytest.mark.parametrize("cart", ["1", "2"])
+def test_counts_that_a_frozen_encoder_makes_up_for_at_once_are_masked_with_the_freeze(cart):
+    _t, _u, x1, x2 = open_loop()
+    v = speed(catch_up(x1 if cart == "1" else x2, 2500, 2599))
+    assert abs(v[2600]) > 1e4
+    run = find_faults([recording(**{f"v{cart}": v})])[0]
+    (fault,) = run.faults
+    assert (fault.where, fault.id) == (f"encoder_{cart}", "encoder_dropout")
+    assert (round(fault.start_s / TS), round(fault.end_s / TS)) == (2499, 2600)
+    assert fault.note.startswith("frozen, then caught up at once")
+    assert not run.valid(f"v{cart}")[2600]
+    assert run.valid(f"v{cart}")[2602:].all()
+
+
+def test_a_position_that_caught_up_is_right_again():
+    t, u, x1, x2 = open_loop()
+    kwargs = {"quantum": (COUNT, COUNT), "excitation": recognise_excitation(t, u)}
+    run = find_faults([Recording("r", t, u, x1=catch_up(x1, 2500, 2599), x2=x2, **kwargs)])[0]
+    assert [fault.id for fault in run.faults] == ["encoder_dropout"]
+    assert run.valid("x1")[2602:].all()
+
+
+def test_a_reading_that_leaps_there_and_back_is_a_fault():
+    v = recording().v1.copy()
+    v[2600], v[2601] = v[2600] + 3e4, v[2601] - 3e4
+    (fault,) = find_faults([recording(v1=v)])[0].faults
+    assert (fault.id, round(fault.start_s / TS), round(fault.end_s / TS)) == ("encoder_dropout", 2600, 2601)
+
+
 def test_simulated_speeds_without_counts_work_too():
     t = recording().t
     smooth = 80.0 * np.sin(3.0 * t)

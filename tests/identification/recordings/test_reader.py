@@ -165,6 +165,21 @@ class TestFolders:
 
 
 class TestImperfectLogs:
+    def test_an_encoder_that_catches_up_at_once_spoils_its_own_samples_only(self, tmp_path):
+        log = {name: values.copy() for name, values in velocity_log().items()}
+        v = log["v1_mm_s"]
+        v[2600] = np.sum(v[2500:2601])
+        v[2500:2600] = 0.0
+        assert abs(v[2600]) > 1e4
+        for name, columns in (("a", log), ("b", velocity_log("sine", 2.5, 2.0))):
+            write_csv(tmp_path / f"{name}.csv", columns)
+        first, second = read_recordings(tmp_path)
+        assert [(f.where, f.id) for f in first.faults] == [("encoder_1", "encoder_dropout")]
+        assert np.flatnonzero(~first.valid("v1")).tolist() == list(range(2499, 2601))
+        assert second.faults == ()
+        assert first.quantum == pytest.approx((COUNT, COUNT), rel=1e-5)
+        assert str(first.excitation) == "square ±2 V, 0.5 Hz"
+
     def test_missing_values_are_faults_of_their_encoder_or_the_run(self, tmp_path):
         log = {name: values.copy() for name, values in velocity_log().items()}
         log["v1_mm_s"][2400:2403], log["u_V"][500] = np.nan, np.nan
