@@ -139,13 +139,18 @@ def measure(
         peak=float(np.max(np.abs(e))),
         settling=settling if rests else nan,
         overshoot=overshoot if rests else nan,
-        vibration=float(np.mean(energies)) if energies else nan,
+        vibration=_negligible(float(np.mean(energies))) if energies else nan,
         effort=float(np.sqrt(np.mean(u**2))),
         effort_peak=float(np.max(np.abs(u))),
         limited=float(np.mean(touches)),
         stable=stable,
         success=stable and bool(np.isfinite(settling)),
     )
+
+
+def _negligible(energy: float) -> float:
+    """Return 0 for an energy below that of 1 µm on a spring of 0.1 V/mm, which is round-off."""
+    return energy if energy > 5e-8 else 0.0
 
 
 def _vibration(drive: Drive, x1: FloatArray, v1: FloatArray, x2: FloatArray, v2: FloatArray) -> float:

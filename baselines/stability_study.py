@@ -33,7 +33,7 @@ class StabilityStudy:
     curve
         Critical gain over amplitude by harmonic balance; the factor is Kp [V/mm]. Empty for a rigid drive.
     tried
-        (amplitude [mm], Kp [V/mm]) by simulation.
+        Some points of harmonic balance, each with the Kp found by simulation [V/mm].
     explanation
         Why the limits differ, in sentences.
     """
@@ -45,19 +45,13 @@ class StabilityStudy:
     runs: Mapping[str, Recording]
     runs_without_friction: Mapping[str, Recording]
     curve: tuple[Sustained, ...]
-    tried: tuple[tuple[float, float], ...]
+    tried: tuple[tuple[Sustained, float], ...]
     explanation: tuple[str, ...]
 
     @property
     def agreement(self) -> float | None:
         """Largest relative difference of harmonic balance and simulation for vibrations above 10 mm; ``None`` without such."""
-        both = [
-            abs(kp / s - 1.0)
-            for a, kp in self.tried
-            if a >= 10.0 and np.isfinite(kp)
-            for s in [float(np.interp(a, [c.amplitude for c in self.curve], [c.factor for c in self.curve]))]
-            if np.isfinite(s)
-        ]
+        both = [abs(kp / s.factor - 1.0) for s, kp in self.tried if s.amplitude >= 10.0 and np.isfinite(kp)]
         return max(both) if both else None
 
 
@@ -83,7 +77,7 @@ def study_stability(drive: Drive, at_gain: float = HANDOUT_GAIN) -> StabilityStu
     unit = proportional(1.0, "x2")
     curve = sustained_curve(rig, unit, _AMPLITUDES_MM, limit=rig.voltage_limit)
     starts = sustained_curve(rig, unit, _TRIED_MM, limit=rig.voltage_limit)
-    tried = tuple((s.amplitude, simulated_limit(rig, unit, s)) for s in starts if np.isfinite(s.factor))
+    tried = tuple((s, simulated_limit(rig, unit, s)) for s in starts if np.isfinite(s.factor))
     study = StabilityStudy(drive, limits, student, free, runs, stability_experiments(smooth), tuple(curve), tried, ())
     return StabilityStudy(**{**study.__dict__, "explanation": _explanation(study)})
 

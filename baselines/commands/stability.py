@@ -53,7 +53,7 @@ def stability(
             "amplitude": [
                 {"amplitude_mm": s.amplitude, "critical_gain": s.factor, "omega": s.omega} for s in study.curve
             ],
-            "amplitude_simulated": [{"amplitude_mm": a, "critical_gain": kp} for a, kp in study.tried],
+            "amplitude_simulated": [{"amplitude_mm": s.amplitude, "critical_gain": kp} for s, kp in study.tried],
             "written": written,
         })  # fmt: skip
         return
@@ -85,8 +85,7 @@ def stability(
             "gain from x2 at which a vibration keeps its size [V/mm]",
             ["amplitude of x2 [mm]", "harmonic balance", "simulated"],
             [
-                [number(a, 3), number(min(study.curve, key=lambda s, a=a: abs(s.amplitude - a)).factor), number(kp)]  # type: ignore[misc]
-                for a, kp in study.tried
+                [number(s.amplitude, 3), number(s.factor), number(kp)] for s, kp in study.tried
             ],
         )
     for sentence in study.explanation:

@@ -19,7 +19,7 @@ from flexdrive_gym import Drive
 
 __all__ = ["FAMILIES", "LAB_4", "SAMPLE_TIME_S", "Design", "Family", "Specification", "design"]
 
-_ORDER = ("p_control", "loop_shaping", "friction_compensation", "pd", "input_shaping", "cascade", "lqg", "h_infinity")
+_ORDER = ("p_control", "loop_shaping", "pd", "input_shaping", "cascade", "friction_compensation", "lqg", "h_infinity")
 
 
 def _discover() -> dict[str, Family]:

@@ -26,6 +26,8 @@ SAMPLE_TIME_S = 1e-3
 DERIVATIVE_POLE = 1000.0
 
 _TUNING_POINTS = 400
+_INTEGRATOR = 1e-7
+_TRACKING_S = 0.1
 
 
 @dataclass(frozen=True)
@@ -120,12 +122,7 @@ def discretised(
     *,
     sample_time: float = SAMPLE_TIME_S,
 ) -> LinearController:
-    """Discretise (xr, x1, x2) -> u by Tustin's rule; keep the state honest under the limit.
-
-    While the command is limited, the state moves as if x2 (or x1) had been such that the command is just the limit: the
-    conditioning technique (R. Hanus, M. Kinnaert, J.-L. Henrotte, Automatica 23, 1987). It needs zeros inside the unit circle
-    from that reading to the command; where they are not, nothing is corrected.
-    """
+    """Discretise (xr, x1, x2) -> u by Tustin's rule; an integrator is led back while the command is limited."""
     import control  # noqa: PLC0415  (costs a second; used here only)
 
     sampled = control.sample_system(continuous, sample_time, method="tustin") if continuous.nstates else continuous
@@ -134,19 +131,27 @@ def discretised(
     C, D = np.zeros((2, n)), np.zeros((2, 3))
     C[: sampled.noutputs], D[: sampled.noutputs] = sampled.C, sampled.D
     return LinearController(
-        A, B, C, D, sample_time, conditioning(A, B, C, D), name=name
+        A, B, C, D, sample_time, windup_gain(A, C, sample_time), name=name
     )  # fmt: skip
 
 
-def conditioning(A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArray) -> FloatArray:
-    """Return L of the conditioning technique, or zeros where it would be unstable, ndarray, shape (n,)."""
-    for column in (2, 1):
-        if D[0, column] != 0.0:
-            L = B[:, column] / D[0, column]
-            inside = np.abs(np.linalg.eigvals(A - np.outer(L, C[0]))) if len(A) else np.zeros(1)
-            if inside.max() < 1.0 + 1e-9:
-                return np.asarray(L)
-    return np.zeros(len(A))
+def windup_gain(A: FloatArray, C: FloatArray, sample_time: float) -> FloatArray:
+    """Return L that leads the integrator back while the command is limited, ndarray, shape (n,); zeros without integrator.
+
+    Back-calculation on the integrating mode alone: what the limit cut off moves the integrator so that, by itself, it would undo
+    the excess within 0.1 s. The leads are left alone: making them, too, believe the limited command (conditioning) turns a single
+    saturating step into a vibration between the limits.
+    """
+    n = len(A)
+    if not n:
+        return np.zeros(0)
+    values, right = np.linalg.eig(A)
+    i = int(np.argmin(np.abs(values - 1.0)))
+    if abs(values[i] - 1.0) > _INTEGRATOR:
+        return np.zeros(n)
+    mode = np.real(right[:, i])
+    heard = float(C[0] @ mode)
+    return np.zeros(n) if heard == 0.0 else mode / heard * sample_time / _TRACKING_S
 
 
 def derivative(order: int = 1) -> control.StateSpace:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from baselines.loops import loop_response
+from baselines.loops import loop_response, response
 from flexdrive_gym import Drive, LinearController, LinearDrive, Recording
 from flexdrive_gym.recording import FloatArray
 from identification.plots.style import CART, COMMAND, MARK, REFERENCE, heading, legend_above, new_figure, shade_faults, styled
@@ -100,14 +100,32 @@ def plot_amplitude(
     )
     axes.text(0.98, 0.93, "vibration grows", transform=axes.transAxes, ha="right", color=MARK, fontsize=8)
     axes.text(0.02, 0.05, "vibration dies out", transform=axes.transAxes, fontsize=8)
-    axes.legend(loc="center right")
+    axes.set_xticks(ticks := [2, 3, 5, 10, 20, 30, 50, 80], [str(v) for v in ticks])
+    axes.minorticks_off()
+    axes.legend(loc="upper left", bbox_to_anchor=(0.42, 0.88))
     return figure
+
+
+def _distinct(controllers: Mapping[str, LinearController]) -> dict[str, LinearController]:
+    """Join controllers of the same loop under one name, so that no line hides another."""
+    at = np.geomspace(0.5, 1000.0, 40) * 1e-3
+    kept: list[tuple[str, LinearController, FloatArray]] = []
+    for name, c in controllers.items():
+        seen = np.abs(response(c.A, c.B, c.C[:1], c.D[:1], at, 1.0)[:, 0, 1:])
+        for i, (other, first, theirs) in enumerate(kept):
+            if np.allclose(seen, theirs, rtol=1e-6, atol=1e-12):
+                kept[i] = (f"{other}, {name}", first, theirs)
+                break
+        else:
+            kept.append((name, c, seen))
+    return {name: c for name, c, _seen in kept}
 
 
 @styled
 def plot_loops(drive: Drive, controllers: Mapping[str, LinearController], crossover: float | None = None) -> Figure:
     """Draw the Bode plot of loop gains, sampled as they are."""
     figure = new_figure(4.8)
+    controllers = _distinct(controllers)
     gain, phase = figure.subplots(2, 1, sharex=True)
     omega = np.geomspace(0.5, 1000.0, 1500)
     for i, (name, controller) in enumerate(controllers.items()):
@@ -122,7 +140,10 @@ def plot_loops(drive: Drive, controllers: Mapping[str, LinearController], crosso
             axes.axvline(crossover, color=MARK, linewidth=0.8, linestyle=":")
     gain.set(ylabel="|L|", ylim=(1e-3, 1e2))
     phase.set(ylabel="phase of L [deg]", xlabel="frequency [rad/s]", ylim=(-400.0, 0.0), yticks=range(-360, 1, 90))
-    gain.legend(loc="upper right", ncols=2)
+    if len(controllers) > 5:
+        figure.legend(loc="outside right upper")
+    else:
+        gain.legend(loc="upper right", ncols=2)
     return figure
 
 

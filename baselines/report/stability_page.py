@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from baselines.report import control_plots as plots
 from baselines.report.discussion import measure_p_control
 from baselines.report.page import Section, render
@@ -82,22 +84,19 @@ def _amplitude(study: StabilityStudy) -> Section:
     )
     lines = {"student, with friction": study.student} if study.student is not None else {}
     section.figure(
-        plots.plot_amplitude(study.curve, study.tried, routh, lines),
+        plots.plot_amplitude(study.curve, [(s.amplitude, kp) for s, kp in study.tried], routh, lines),
         "Gain at which a vibration of x2 keeps its size: harmonic balance and trials on the simulated drive.",
     )
     section.table(
         ("amplitude [mm]", "frequency [rad/s]", "harmonic balance [V/mm]", "simulated [V/mm]"),
         [
-            (f"{a:.3g}", f"{near.omega:.4g}", f"{near.factor:.4g}", f"{kp:.4g}")
-            for a, kp in study.tried
-            for near in [min(study.curve, key=lambda s, a=a: abs(s.amplitude - a))]  # type: ignore[misc]
+            (f"{s.amplitude:.3g}", f"{s.omega:.4g}", f"{s.factor:.4g}", f"{kp:.4g}") for s, kp in study.tried
         ],
     )
     return section
 
 
-def _runs(runs: dict[str, Recording] | object, title: str, anchor: str) -> Section:
-    assert isinstance(runs, dict)
+def _runs(runs: Mapping[str, Recording], title: str, anchor: str) -> Section:
     section = Section(title, anchor)
     rows = []
     for number, run in runs.items():
