@@ -13,8 +13,8 @@ linear gain margin; where the vibration is so small that friction holds it, g is
 above Routh's, and why it depends on the push. A command limit lets only :math:`4 u_{max}/\pi` of fundamental through, so beyond
 some amplitude g rises again: an unstable loop on the rig ends in a vibration between the limits.
 
-The method assumes that the motion is nearly a sine and the carts never stick; :func:`simulated_limit` tries the same amplitudes on
-the simulated drive.
+The method assumes that the motion is nearly a sine and the carts never stick; :func:`simulated_limit` tries the same
+amplitudes on the simulated drive.
 
 Reference: A. Gelb, W. E. Vander Velde, Multiple-Input Describing Functions and Nonlinear System Design, 1968, ch. 2 and 6.
 """
@@ -80,7 +80,9 @@ def sustained(drive: Drive, controller: LinearController, amplitude: float, *, l
         For a rigid drive or an amplitude that is not positive.
     """
     if drive.carts != 2 or not amplitude > 0.0:
-        raise ValueError(f"amplitude: needs two carts and a positive amplitude [mm]; got {drive.carts} and {amplitude:g}.")
+        raise ValueError(
+            f"amplitude: needs two carts and a positive amplitude [mm]; got {drive.carts} and {amplitude:g}."
+        )
     around = drive.linear.omega_n
     grid = np.geomspace(_LOWEST * around, _HIGHEST * around, _GRID)
     ratio = np.array([_factor(drive, controller, float(w), amplitude) for w in grid])
@@ -133,7 +135,7 @@ def _through_limit(needed: float, limit: float) -> float:
 
     def fundamental(amplitude: float) -> float:
         ratio = limit / amplitude
-        return amplitude * 2.0 / pi * (np.arcsin(ratio) + ratio * np.sqrt(1.0 - ratio**2))
+        return float(amplitude * 2.0 / pi * (np.arcsin(ratio) + ratio * np.sqrt(1.0 - ratio**2)))
 
     return float(brentq(lambda a: fundamental(a) - needed, limit, 1e6 * limit)) / needed
 

@@ -146,7 +146,7 @@ class Comparison:
 
 def share(hits: Sequence[bool]) -> Share:
     """Return a share with its Wilson interval."""
-    n, k, z = len(hits), int(np.sum(hits)), 1.959964
+    n, k, z = len(hits), int(np.sum(hits)), 1.959963984540054
     p = k / n
     centre, half = p + z**2 / (2 * n), z * sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
     scale = 1.0 + z**2 / n
@@ -287,7 +287,14 @@ def _block(
     rows = []
     for drive, (states, u) in zip(drives, run_controller(controller, drives, xr, sample_time), strict=True):
         of = measure(
-            drive, xr, states, u, sample_time, limit=min(limit, drive.voltage_limit), tolerance=tolerance, travel=TRAVEL_MM
+            drive,
+            xr,
+            states,
+            u,
+            sample_time,
+            limit=min(limit, drive.voltage_limit),
+            tolerance=tolerance,
+            travel=TRAVEL_MM,
         )
         rows.append([float(getattr(of, name)) for name in NAMES])
     return np.array(rows)
@@ -364,7 +371,7 @@ def compare(
     chosen = cases_of(drive, seed=seed) if cases is None else list(cases)
     rig = with_rig(drive)
     blocks = [[c.drive for c in chosen[i : i + BLOCK]] for i in range(0, len(chosen), BLOCK)]
-    work = [
+    work: list[tuple[Callable[..., Any], tuple[Any, ...]]] = [
         (_block, (entry.controller, block, duration, _period(entry), limit, tolerance))
         for entry in controllers
         for block in blocks
@@ -435,11 +442,12 @@ def _run(
     if scheduler is None:
         raise ValueError("scheduler: the dask backend needs an address; got none. Pass --scheduler tcp://HOST:PORT.")
     try:
-        from distributed import Client  # noqa: PLC0415
+        import distributed  # noqa: PLC0415
     except ImportError as error:
         raise ValueError("backend: dask is not installed. pip install 'flexdrive[dask]'.") from error
+    client: Any = distributed.Client
     # the client's own messages about lost workers are no results
-    with Client(scheduler, timeout="20s", set_as_default=True), parallel_config("dask"):
+    with client(scheduler, timeout="20s", set_as_default=True), parallel_config("dask"):
         return gather()
 
 
@@ -463,7 +471,9 @@ def headline(comparison: Comparison) -> list[str]:
     fragile = [r for r in drawn if r.draws is not None and r.draws.value < 1.0]
     if drawn and not fragile:
         said.append("Every controller that settles on the identified drive settles on all drawn drives.")
-    said += [f"{r.entry.name} settles on {r.draws.value:.1%} of the drawn drives." for r in fragile if r.draws is not None]
+    said += [
+        f"{r.entry.name} settles on {r.draws.value:.1%} of the drawn drives." for r in fragile if r.draws is not None
+    ]
     for r in comparison.results:
         lost = [name for name, m in r.effects.items() if not m.stable]
         if lost:

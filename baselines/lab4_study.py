@@ -156,7 +156,8 @@ def check(specification: Specification, found: Margins, values: Lab4) -> tuple[L
     off = found.crossover / s.crossover - 1.0
     gm, pm = found.gain_margin - s.gain_margin, found.phase_margin_deg - s.phase_margin_deg
     return (
-        _line("crossover", f"{s.crossover:g} rad/s", f"{found.crossover:.2f} rad/s", abs(off) <= _CROSSOVER_TOLERANCE, f"{off:+.1%}"),
+        _line("crossover", f"{s.crossover:g} rad/s", f"{found.crossover:.2f} rad/s", abs(off) <= _CROSSOVER_TOLERANCE,
+              f"{off:+.1%}"),
         _line("gain margin", f"≥ {s.gain_margin:g}", f"{found.gain_margin:.2f}", gm >= 0.0, f"{-gm:.2f}"),
         _line("phase margin", f"≥ {s.phase_margin_deg:g}°", f"{found.phase_margin_deg:.1f}°", pm >= 0.0, f"{-pm:.1f}°"),
         _line(
@@ -213,7 +214,7 @@ def study_lab_4(
 
 def _study_stage(name: str, made: Design, drive: Drive, limits: Sequence[float]) -> Stage:
     Ts = made.controller.sample_time
-    t = np.arange(round(_RESPONSE_S / Ts) + 1) * Ts
+    t = np.asarray(np.arange(round(_RESPONSE_S / Ts) + 1) * Ts, dtype=np.float64)
     late = np.where(t >= _AT_S - 1e-9, 1.0, 0.0)
     linear, rig, free = linear_part(drive), with_rig(drive), made.controller.replace(limit=inf)
     runs = {
@@ -223,7 +224,7 @@ def _study_stage(name: str, made: Design, drive: Drive, limits: Sequence[float])
     # the largest limit is the amplifier's; a command limit belongs to the controller, so the drive's own is no obstacle
     loose = rig.replace({"saturation.limit": max(*limits, rig.voltage_limit)})
     runs["rig disturbance"] = _run(loose, made.controller.replace(limit=max(limits)), t, 0.0 * t, DISTURBANCE_V * late)
-    track = np.arange(round(_TRACKING_S / Ts) + 1) * Ts
+    track = np.asarray(np.arange(round(_TRACKING_S / Ts) + 1) * Ts, dtype=np.float64)
     tracking, rig_steps = {}, {}
     begin = round(_AT_S / Ts)
     for limit in limits:
@@ -273,11 +274,13 @@ def verdict(study: Lab4Study) -> list[str]:
     left = [line for line in study.lines if not line.met]
     if not left and study.met:
         said.append(
-            f"With {study.refined.reserve_deg:.0f}° in reserve and the integral at {study.refined.omega_i:.3g} rad/s every line is met."
+            f"With {study.refined.reserve_deg:.0f}° in reserve and the integral at "
+            f"{study.refined.omega_i:.3g} rad/s every line is met."
         )
     elif left:
         said.append(
-            "The specification cannot be met on this drive: " + "; ".join(f"{line.name} missed by {line.missed_by}" for line in left)
+            "The specification cannot be met on this drive: "
+            + "; ".join(f"{line.name} missed by {line.missed_by}" for line in left)
             + "."
         )
     return said

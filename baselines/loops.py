@@ -153,7 +153,8 @@ def loop_response(drive: Drive, controller: LinearController, omega: npt.ArrayLi
 
 def closed_loop_response(drive: Drive, controller: LinearController, omega: npt.ArrayLike) -> ComplexArray:
     """Return the closed loop's response, ndarray, shape (n, outputs x1 x2 u, inputs xr d)."""
-    return response(*closed_loop_matrices(drive, controller), omega, controller.sample_time)
+    A, B, C, D = closed_loop_matrices(drive, controller)
+    return response(A, B, C, D, omega, controller.sample_time)
 
 
 def is_stable(drive: Drive, controller: LinearController) -> bool:

@@ -52,7 +52,9 @@ def run_in_environment(env: FlexDriveEnv, controller: Controller, *, seed: int |
     period = base.task.control_period
     own = getattr(controller, "sample_time", period)
     if abs(own - period) > 1e-6 * period:
-        raise ValueError(f"controller: made for {own:g} s; the environment acts every {period:g} s. Pass control_period={own:g}.")
+        raise ValueError(
+            f"controller: made for {own:g} s; the environment acts every {period:g} s. Pass control_period={own:g}."
+        )
     _seen, info = env.reset(seed=seed)
     controller.reset()
     rows, done, clock = [], False, 0
@@ -146,5 +148,3 @@ class PolicyController:
 def _decay(rig: Drive, key: str, period: float) -> float:
     cutoff = rig[key]
     return float(np.exp(-2.0 * np.pi * cutoff * period)) if cutoff > 0.0 else 0.0
-
-

@@ -99,16 +99,19 @@ def _explanation(study: StabilityStudy) -> tuple[str, ...]:
         small = finite[0]
         said.append(
             f"By harmonic balance a vibration of {small.amplitude:.2g} mm needs Kp = {small.factor:.3g} V/mm to survive, one of "
-            f"{least.amplitude:.2g} mm only {least.factor:.3g} V/mm, and in between the gain decides which size is the edge: smaller "
+            f"{least.amplitude:.2g} mm only {least.factor:.3g} V/mm, and in between the gain decides "
+            "which size is the edge: smaller "
             "ones die, larger ones grow."
         )
         if study.agreement is not None:
             said.append(
-                f"For vibrations above 10 mm simulation and harmonic balance agree to {study.agreement:.1%}; smaller ones stick in every "
+                "For vibrations above 10 mm simulation and harmonic balance agree to "
+                f"{study.agreement:.1%}; smaller ones stick in every "
                 "cycle and are no sines."
             )
     said.append(
-        "From x1 the zeros beside the complex poles hold the phase above -180°, so no gain is unstable in linear theory; the price is "
+        "From x1 the zeros beside the complex poles hold the phase above -180°, so no gain is "
+        "unstable in linear theory; the price is "
         "an error of x2 that the loop does not see."
     )
     return tuple(said)

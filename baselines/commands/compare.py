@@ -32,13 +32,17 @@ def compare(
         list[str] | None, typer.Option("--controllers", "-c", help="Names, comma-separated or repeated; default: all.")
     ] = None,
     draws: Annotated[int | None, typer.Option(min=0, help="Drives drawn from the covariance; default: 500.")] = None,
-    effects: Annotated[bool, typer.Option(help="Also run every left-out effect of the catalogue at its typical size.")] = True,
+    effects: Annotated[
+        bool, typer.Option(help="Also run every left-out effect of the catalogue at its typical size.")
+    ] = True,
     duration: Annotated[float, typer.Option(min=0.5, help="Of a run on the handout's trajectory [s].")] = 4.0,
     limit: Annotated[float, typer.Option(min=0.1, help="Of the command [V]; never more than the drive's own.")] = 8.0,
     tolerance: Annotated[float, typer.Option(min=0.001, help="For settling and success [mm].")] = 2.0,
     empirical: Annotated[bool, typer.Option(help="Also find margins by trial.")] = True,
     seed: Annotated[int, typer.Option(min=0, help="Of the draws.")] = 0,
-    backend: Annotated[Backend, typer.Option(help="Where runs are computed; the answer does not change.")] = Backend.threading,
+    backend: Annotated[
+        Backend, typer.Option(help="Where runs are computed; the answer does not change.")
+    ] = Backend.threading,
     jobs: Annotated[int, typer.Option(help="Workers of this machine; -1: as many as cores.")] = -1,
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, tcp://HOST:PORT.")] = None,
     json: Json = False,

@@ -90,7 +90,13 @@ def _print(study: Lab4Study) -> None:
         "specification",
         ["line", "demanded", "handout's rule reaches", "refined reaches", "missed by"],
         [
-            [line.name, line.demand, by_hand.reached + ("" if by_hand.met else " (missed)"), line.reached, line.missed_by]
+            [
+                line.name,
+                line.demand,
+                by_hand.reached + ("" if by_hand.met else " (missed)"),
+                line.reached,
+                line.missed_by,
+            ]
             for line, by_hand in zip(study.lines, study.hand_lines, strict=False)
         ],
     )
@@ -120,4 +126,3 @@ def _print(study: Lab4Study) -> None:
         ],
     )  # fmt: skip
     say("settling: longest time after a move until x2 stays within 2 mm; – : it never does before the next move")
-

@@ -16,7 +16,10 @@ def stability(
     output: Annotated[
         Path | None,
         typer.Option(
-            "--output", "-o", file_okay=False, help="Folder for stability.html and the recordings of 2.1-2.4, with and without friction."
+            "--output",
+            "-o",
+            file_okay=False,
+            help="Folder for stability.html and the recordings of 2.1-2.4, with and without friction.",
         ),
     ] = None,
     gain: Annotated[float, typer.Option(min=0.0, help="Kp at which the phase margin is stated [V/mm].")] = 0.05,
@@ -84,9 +87,7 @@ def stability(
         table(
             "gain from x2 at which a vibration keeps its size [V/mm]",
             ["amplitude of x2 [mm]", "harmonic balance", "simulated"],
-            [
-                [number(s.amplitude, 3), number(s.factor), number(kp)] for s, kp in study.tried
-            ],
+            [[number(s.amplitude, 3), number(s.factor), number(kp)] for s, kp in study.tried],
         )
     for sentence in study.explanation:
         say(sentence)

@@ -318,7 +318,11 @@ def best_of(
         missed, sentence = _violation(drive, candidate, demands)
         score = (max(missed, 1.0), disturbance_area(drive, candidate) if missed <= 1.0 else 0.0)
         if score < best_score:
-            best, best_score, note = candidate, score, "" if missed <= 1.0 else f"no candidate meets the demands: {sentence}"
+            best, best_score, note = (
+                candidate,
+                score,
+                "" if missed <= 1.0 else f"no candidate meets the demands: {sentence}",
+            )
     if best is None:
         raise ValueError(f"drive: no candidate is stable on {drive.name!r}; check its parameters and input delay.")
     return best, note

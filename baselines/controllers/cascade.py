@@ -18,9 +18,7 @@ _OUTER = np.geomspace(2.0, 15.0, 5)
 _PROPORTIONAL = (0.0, 1.0)
 
 
-def cascade(
-    drive: Drive, Kp: float, Kd: float, outer: float, kappa: float, sample_time: float
-) -> LinearController:
+def cascade(drive: Drive, Kp: float, Kd: float, outer: float, kappa: float, sample_time: float) -> LinearController:
     """Return the cascade for one choice of gains.
 
     Parameters

@@ -48,7 +48,9 @@ def coprime_stabiliser(shaped: control.StateSpace) -> tuple[control.StateSpace, 
         import control  # noqa: PLC0415
         import slycot  # noqa: F401, PLC0415
     except ImportError as error:
-        raise ImportError("slycot: H∞ synthesis needs it; it is not installed. pip install 'flexdrive[control]'.") from error
+        raise ImportError(
+            "slycot: H∞ synthesis needs it; it is not installed. pip install 'flexdrive[control]'."
+        ) from error
     A, B, C = (np.asarray(m) for m in (shaped.A, shaped.B, shaped.C))
     n = len(A)
     # w = (disturbance at the plant's input, noise at its output), z = (plant's output, command); y = -(output + noise)

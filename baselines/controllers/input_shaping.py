@@ -1,6 +1,7 @@
 r"""The collocated PD with its reference shaped, so that the vibration it leaves is not excited in the first place.
 
-A zero-vibration shaper sends the reference in two parts, the second half a period of the vibration later: their vibrations cancel.
+A zero-vibration shaper sends the reference in two parts, the second half a period of the vibration later: their vibrations
+cancel.
 For the closed loop's mode of frequency :math:`\omega_d` and damping :math:`\zeta` the parts are :math:`1/(1+K)` and
 :math:`K/(1+K)`, :math:`K = e^{-\zeta\pi/\sqrt{1-\zeta^2}}` (N. C. Singer, W. P. Seering, ASME J. Dyn. Syst. Meas. Control 112,
 1990). The price is a reference that comes later by a quarter of a period on average.

@@ -17,8 +17,8 @@ keeps the pair that rejects disturbances best.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import asin, degrees, inf, radians, sin, sqrt, tan
 from functools import lru_cache
+from math import asin, degrees, inf, radians, sin, sqrt, tan
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -145,7 +145,7 @@ def design_lab_4(drive: Drive, specification: Specification = LAB_4) -> Lab4:
     def plant(omega: float) -> complex:
         """Return G2·notch with the integrator's turn taken out, so that its phase is continuous from 0."""
         G = complex(linear.frequency_response(omega, "x2", velocity=True)) * notch_response(1j * omega, wn, zeta)
-        return G * np.exp(-1j * omega * drive["input_delay.tau"])
+        return complex(G * np.exp(-1j * omega * drive["input_delay.tau"]))
 
     def phase(omega: float) -> float:
         grid = np.geomspace(1e-3, omega, 400)
@@ -209,7 +209,11 @@ def _refined(
 
     def crossing(trial: Lab4) -> tuple[Lab4, ComplexArray]:
         """Return the design whose sampled loop crosses 1 at the demanded frequency, and that loop's response."""
-        L = notch_response(s, trial.omega_n, trial.zeta) * (trial.alpha * trial.T * s + 1.0) ** 2 / (trial.T * s + 1.0) ** 2
+        L = (
+            notch_response(s, trial.omega_n, trial.zeta)
+            * (trial.alpha * trial.T * s + 1.0) ** 2
+            / (trial.T * s + 1.0) ** 2
+        )
         L = L * (1.0 + trial.omega_i / s) * plant
         return replace(trial, Kp=1.0 / abs(L[-1])), L[:-1] / abs(L[-1])
 
@@ -308,8 +312,10 @@ def stage(
         notes += ("no lead and integral meet the whole specification on the sampled loop; the handout's are kept",)
     if name == "p_x2":
         return Design(proportional(values.gain_pm30, "x2", sample_time), "P from x2, PM = 30°", "x2", values.table())
-    leads, integral = name not in {"notch"}, name in {"integral", "lab4"}
-    path = feedback_path(values, leads=leads, integral=integral, gain_value=values.Kp if leads else values.notch_gain_pm30)
+    leads, integral = name != "notch", name in {"integral", "lab4"}
+    path = feedback_path(
+        values, leads=leads, integral=integral, gain_value=values.Kp if leads else values.notch_gain_pm30
+    )
     if name == "lab4":
         inside = gain([[1.0, 1.0]]) * stack(path, feed_forward(drive)) * gain([[1.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
     else:
@@ -332,10 +338,11 @@ def shortfalls(values: Lab4, specification: Specification) -> tuple[str, ...]:
     """Say what the leads cannot give."""
     if values.shortfall_deg <= 0.0:
         return ()
-    return (
+    said = (
         f"each lead should give {values.phi_max_deg:.1f}°; with α ≤ {specification.largest_alpha:g} two leads are "
-        f"{values.shortfall_deg:.1f}° short of the phase margin",
+        f"{values.shortfall_deg:.1f}° short of the phase margin"
     )
+    return (said,)
 
 
 def _family(name: str) -> Family:

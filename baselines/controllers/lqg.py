@@ -18,7 +18,7 @@ from itertools import product
 
 import numpy as np
 
-from baselines.controllers._design import Design, Family, derivative, needs_two_carts, stack, best_of
+from baselines.controllers._design import Design, Family, best_of, derivative, needs_two_carts, stack
 from baselines.loops import sampled_drive
 from flexdrive_gym import Drive, LinearController
 from flexdrive_gym.recording import FloatArray
@@ -129,7 +129,9 @@ def _family(name: str, sensors: tuple[str, ...]) -> Family:
         best, note = best_of(candidates(), drive)
         effort, wandering = tried[id(best)]
         values = {"cost of u": (effort, "mm²/V²"), "disturbance per sample": (wandering, "V")}
-        return Design(best, f"LQG with disturbance estimate from {where}", ", ".join(sensors), values, (note,) if note else ())
+        return Design(
+            best, f"LQG with disturbance estimate from {where}", ", ".join(sensors), values, (note,) if note else ()
+        )
 
     return Family(name, f"LQG with disturbance estimate from {where}", design)
 

@@ -13,15 +13,11 @@ from flexdrive_gym import Drive, LinearController
 Feedback = Literal["x1", "x2"]
 
 
-def proportional(
-    gain: float, feedback: Feedback = "x2", sample_time: float = SAMPLE_TIME_S
-) -> LinearController:
+def proportional(gain: float, feedback: Feedback = "x2", sample_time: float = SAMPLE_TIME_S) -> LinearController:
     """Return u = Kp·(xr - x) as a linear controller."""
     D = np.zeros((2, 3))
     D[0] = gain, (-gain if feedback == "x1" else 0.0), (-gain if feedback == "x2" else 0.0)
-    return LinearController(
-        np.zeros((0, 0)), np.zeros((0, 3)), np.zeros((2, 0)), D, sample_time, name=f"p_{feedback}"
-    )
+    return LinearController(np.zeros((0, 0)), np.zeros((0, 3)), np.zeros((2, 0)), D, sample_time, name=f"p_{feedback}")
 
 
 def gain_for_phase_margin(drive: Drive, phase_margin_deg: float, feedback: Feedback = "x2") -> tuple[float, float]:
@@ -47,7 +43,7 @@ def gain_for_phase_margin(drive: Drive, phase_margin_deg: float, feedback: Feedb
         w = np.atleast_1d(np.asarray(omega, dtype=np.float64))
         G = drive.linear.frequency_response(w, feedback, velocity=True)
         # the velocity response begins at 0°, so unwrapping cannot miss a turn; the integrator takes 90°
-        return np.rad2deg(np.unwrap(np.angle(G))) - 90.0 - np.rad2deg(w * tau)
+        return np.asarray(np.rad2deg(np.unwrap(np.angle(G))) - 90.0 - np.rad2deg(w * tau))
 
     grid = np.geomspace(1e-3, 3000.0, 4000)
     excess = lag(grid) + 180.0 - phase_margin_deg
@@ -58,14 +54,13 @@ def gain_for_phase_margin(drive: Drive, phase_margin_deg: float, feedback: Feedb
             f"{lag(grid)[-1]:.1f}°. Every gain has a larger margin."
         )
     i = int(above[-1])
-    # between two neighbours of the grid the phase is within half a turn of theirs
-    offset = excess[i] - float(np.angle(_response(drive, float(grid[i]), feedback), deg=True))
+    below = _response(drive, float(grid[i]), feedback)
 
-    def shortfall(omega: float) -> float:
-        turn = float(np.angle(_response(drive, omega, feedback) / _response(drive, float(grid[i]), feedback), deg=True))
-        return float(np.angle(_response(drive, float(grid[i]), feedback), deg=True)) + turn + offset
+    def margin_left(omega: float) -> float:
+        # between two neighbours of the grid the phase turns by far less than half a turn
+        return float(excess[i] + np.angle(_response(drive, omega, feedback) / below, deg=True))
 
-    omega = float(brentq(shortfall, grid[i], grid[i + 1], xtol=1e-12))
+    omega = float(brentq(margin_left, grid[i], grid[i + 1], xtol=1e-12))
     return 1.0 / abs(_response(drive, omega, feedback)), omega
 
 

@@ -1,7 +1,7 @@
 """PD on the motor cart (collocated) with feed-forward: u = Kp·(x1r - x1) + Kd·(vr - v1) + (m1 + m2)·ar + (b1 + b2)·vr.
 
-Cart 2 lags cart 1 by the spring's deflection, so cart 1's reference leads: x1r = xr + (m2·ar + b2·vr)/k. A stiff PD holds cart 1 so
-firmly that cart 2 rings on its spring with the bare drive's damping, and no gain of this structure can change that.
+Cart 2 lags cart 1 by the spring's deflection, so cart 1's reference leads: x1r = xr + (m2·ar + b2·vr)/k. A stiff PD holds
+cart 1 so firmly that cart 2 rings on its spring with the bare drive's damping, and no gain of this structure can change that.
 """
 
 from __future__ import annotations

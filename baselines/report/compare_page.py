@@ -19,7 +19,8 @@ def build_compare_page(comparison: Comparison) -> str:
     drawn = sum(c.group == "draw" for c in comparison.cases)
     effects = sum(c.group == "effect" for c in comparison.cases)
     subtitle = (
-        f"{len(comparison.results)} controllers, {comparison.duration:g} s of the handout's trajectory, {drawn} drives drawn from the "
+        f"{len(comparison.results)} controllers, {comparison.duration:g} s of the handout's "
+        f"trajectory, {drawn} drives drawn from the "
         f"identified covariance (seed {comparison.seed}), {effects} left-out effects"
     )
     return render(
@@ -45,10 +46,11 @@ def _tracking(comparison: Comparison) -> Section:
         ],
     )  # fmt: skip
     section.text(
-        f"Settling: longest time after a move until x2 stays within {comparison.tolerance:g} mm; a dash where it never does before the "
+        f"Settling: longest time after a move until x2 stays within {comparison.tolerance:g} mm; a "
+        "dash where it never does before the "
         "next move. Success: stable and settled in every dwell. Vibration: mean energy in the second half of the dwells."
     )
-    t = np.arange(round(comparison.duration / SAMPLE_TIME_S) + 1) * SAMPLE_TIME_S
+    t = np.asarray(np.arange(round(comparison.duration / SAMPLE_TIME_S) + 1) * SAMPLE_TIME_S, dtype=np.float64)
     xr = handout_trajectory(t)
     runs = {}
     for r in comparison.results:
@@ -84,7 +86,8 @@ def _margins(comparison: Comparison) -> Section:
     if linear:
         section.figure(plots.plot_loops(comparison.drive, linear), "Loop gains, broken at the command.")
         section.figure(
-            plots.plot_trade(comparison), "What accuracy costs: tracking error with friction over the linear loop's disk margin."
+            plots.plot_trade(comparison),
+            "What accuracy costs: tracking error with friction over the linear loop's disk margin.",
         )
     return section
 
@@ -106,7 +109,10 @@ def _robustness(comparison: Comparison) -> Section:
             for r in comparison.results
         ],
     )  # fmt: skip
-    section.figure(plots.plot_robustness(comparison), "rms error over the drawn drives (bars) and with each left-out effect (dots).")
+    section.figure(
+        plots.plot_robustness(comparison),
+        "rms error over the drawn drives (bars) and with each left-out effect (dots).",
+    )
     effects = [c.name for c in comparison.cases if c.group == "effect"]
     if effects:
         section.heading("rms error with each left-out effect at its typical size [mm]")
@@ -133,7 +139,10 @@ def _effect(result: Result, name: str) -> str:
 def _who(comparison: Comparison) -> Section:
     section = Section("The controllers", "who")
     section.items(
-        [f"{r.entry.name}: {r.entry.title or 'black box'}" + "".join(f" ({n})" for n in r.entry.notes) for r in comparison.results]
+        [
+            f"{r.entry.name}: {r.entry.title or 'black box'}" + "".join(f" ({n})" for n in r.entry.notes)
+            for r in comparison.results
+        ]
         + [f"{name}: left out, {reason}" for name, reason in comparison.skipped.items()]
     )
     return section

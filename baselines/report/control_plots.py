@@ -10,7 +10,17 @@ import numpy as np
 from baselines.loops import loop_response, response
 from flexdrive_gym import Drive, LinearController, LinearDrive, Recording
 from flexdrive_gym.recording import FloatArray
-from identification.plots.style import CART, COMMAND, MARK, REFERENCE, heading, legend_above, new_figure, shade_faults, styled
+from identification.plots.style import (
+    CART,
+    COMMAND,
+    MARK,
+    REFERENCE,
+    heading,
+    legend_above,
+    new_figure,
+    shade_faults,
+    styled,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,7 +61,9 @@ def plot_root_loci(linear: LinearDrive, critical: Mapping[str, float | None]) ->
         shade = np.repeat(np.arange(len(gains)), roots.shape[1])
         axes.scatter(points.real, points.imag, c=shade, cmap="Blues_r", s=1.5, vmax=1.4 * len(gains), linewidths=0.0)
         poles, zeros = linear.poles, linear.zeros(feedback)  # type: ignore[arg-type]
-        axes.plot(poles.real, poles.imag, "x", color=COMMAND, markersize=7, markeredgewidth=1.5, label="poles of the drive")
+        axes.plot(
+            poles.real, poles.imag, "x", color=COMMAND, markersize=7, markeredgewidth=1.5, label="poles of the drive"
+        )
         if len(zeros):
             axes.plot(zeros.real, zeros.imag, "o", color=COMMAND, markerfacecolor="none", markersize=7, label="zeros")
         if limit:
@@ -61,7 +73,9 @@ def plot_root_loci(linear: LinearDrive, critical: Mapping[str, float | None]) ->
         axes.axvline(0.0, color=COMMAND, linewidth=0.8)
         extent = 2.2 * linear.omega_n
         axes.set(xlim=(-extent, 0.7 * extent), ylim=(-1.6 * extent, 1.6 * extent), xlabel="real part [rad/s]")
-        axes.set_title(f"feedback from {feedback}: {'collocated' if feedback == 'x1' else 'non-collocated'}", loc="left")
+        axes.set_title(
+            f"feedback from {feedback}: {'collocated' if feedback == 'x1' else 'non-collocated'}", loc="left"
+        )
         axes.legend(loc="lower right")
     figure.axes[0].set_ylabel("imaginary part [rad/s]")
     return figure
@@ -233,7 +247,12 @@ def plot_robustness(comparison: Comparison) -> Figure:
         for of in result.effects.values():
             good = of.success
             axes.plot(
-                [min(of.rms, 1e3)], [y], "o" if good else "x", color=CART[2] if good else MARK, markersize=3.5, alpha=0.75
+                [min(of.rms, 1e3)],
+                [y],
+                "o" if good else "x",
+                color=CART[2] if good else MARK,
+                markersize=3.5,
+                alpha=0.75,
             )
     axes.plot([], [], color=CART[1], linewidth=5.0, alpha=0.35, label="drawn drives, 5–95 %")
     axes.plot([], [], "o", color=CART[2], markersize=3.5, label="a left-out effect, success")

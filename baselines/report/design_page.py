@@ -14,7 +14,9 @@ def build_design_page(study: Lab4Study) -> str:
     """Return the page as HTML: every value, the specification, Bode, step, disturbance and tracking plots."""
     sections = [_values(study), _loops(study), _responses(study), _tracking(study)]
     s = study.specification
-    subtitle = f"crossover {s.crossover:g} rad/s, GM ≥ {s.gain_margin:g}, PM ≥ {s.phase_margin_deg:g}°; discretised at 1 kHz"
+    subtitle = (
+        f"crossover {s.crossover:g} rad/s, GM ≥ {s.gain_margin:g}, PM ≥ {s.phase_margin_deg:g}°; discretised at 1 kHz"
+    )
     return render(
         f"Lab 4 on {study.drive.name}", subtitle, verdict(study), sections,
         f"Made by flexdrive {__version__}: flexdrive design.",
@@ -34,7 +36,8 @@ def _values(study: Lab4Study) -> Section:
         [(name, unit, cell(value, 4), cell(refined[name][0], 4)) for name, (value, unit) in hand.items()],
     )
     section.text(
-        "The stages p_x2, notch and lead carry the handout's values; the integral and lab4 carry the refined ones where these meet the "
+        "The stages p_x2, notch and lead carry the handout's values; the integral and lab4 carry the "
+        "refined ones where these meet the "
         "specification."
     )
     section.heading("Specification")
@@ -112,12 +115,15 @@ def _tracking(study: Lab4Study) -> Section:
             for s in study.stages for limit, m in s.tracking.items()
         ],
     )  # fmt: skip
-    section.text("Settling: longest time after a move until x2 stays within 2 mm; a dash where it never does before the next move.")
+    section.text(
+        "Settling: longest time after a move until x2 stays within 2 mm; a dash where it never does before the next move."
+    )
     peak = max(m.effort_peak for s in study.stages for m in s.tracking.values())
     least = min(study.stages[0].tracking)
     if peak < least:
         section.text(
-            f"No stage asks for more than {peak:.1f} V on this trajectory, so the runs at every limit are the same; the steps above tell "
+            f"No stage asks for more than {peak:.1f} V on this trajectory, so the runs at every limit "
+            "are the same; the steps above tell "
             "the limits apart."
         )
     for stage in study.stages:

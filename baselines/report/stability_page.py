@@ -78,8 +78,10 @@ def _amplitude(study: StabilityStudy) -> Section:
         section.text("The linear loop has no limit below 10 V/mm.")
         return section
     section.text(
-        "Dry friction takes the same force from a small vibration as from a large one, so it damps the small one more: for a velocity "
-        "of amplitude V it acts as a damper 4d/(πV). The gain at which a vibration just survives therefore depends on its size. Beyond "
+        "Dry friction takes the same force from a small vibration as from a large one, so it damps "
+        "the small one more: for a velocity "
+        "of amplitude V it acts as a damper 4d/(πV). The gain at which a vibration just survives "
+        "therefore depends on its size. Beyond "
         "the command limit's reach the loop cannot feed the vibration any more."
     )
     lines = {"student, with friction": study.student} if study.student is not None else {}
@@ -89,9 +91,7 @@ def _amplitude(study: StabilityStudy) -> Section:
     )
     section.table(
         ("amplitude [mm]", "frequency [rad/s]", "harmonic balance [V/mm]", "simulated [V/mm]"),
-        [
-            (f"{s.amplitude:.3g}", f"{s.omega:.4g}", f"{s.factor:.4g}", f"{kp:.4g}") for s, kp in study.tried
-        ],
+        [(f"{s.amplitude:.3g}", f"{s.omega:.4g}", f"{s.factor:.4g}", f"{kp:.4g}") for s, kp in study.tried],
     )
     return section
 

@@ -161,7 +161,9 @@ class Drive:
         high = np.minimum([s.upper for s in specs], 3.0 * values)
         drawn = np.clip(drawn, low, np.maximum(low, high))
         return [
-            self.replace(dict(zip(names, map(float, row), strict=True)), intervals={}, name=f"{self.name}, draw {i + 1}")
+            self.replace(
+                dict(zip(names, map(float, row), strict=True)), intervals={}, name=f"{self.name}, draw {i + 1}"
+            )
             for i, row in enumerate(drawn)
         ]
 

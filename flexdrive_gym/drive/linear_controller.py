@@ -1,11 +1,11 @@
-"""A linear controller in discrete time: one object for simulation, environment and margins.
+r"""A linear controller in discrete time: one object for simulation, environment and margins.
 
 With the readings :math:`y = (x_r, x_1, x_2)` and the state :math:`x`,
 
 .. math::
-   u &= C_0 x + D_0 y + F\\,\\mathrm{sat}\\!\\left((C_1 x + D_1 y) / v_0\\right), \\qquad
-   \\bar u = \\mathrm{sat}(u, u_\\mathrm{max}), \\\\
-   x^+ &= A x + B y + L (\\bar u - u).
+   u &= C_0 x + D_0 y + F\,\mathrm{sat}\!\left((C_1 x + D_1 y) / v_0\right), \qquad
+   \bar u = \mathrm{sat}(u, u_\mathrm{max}), \\
+   x^+ &= A x + B y + L (\bar u - u).
 
 The second output is a velocity by which Coulomb friction of level F is compensated, L keeps the state honest while the
 command is limited (anti-windup; for an observer, L is the plant's input column). The reference may pass a *shaper* first, a
@@ -81,7 +81,9 @@ class LinearController:
         shapes = {"A": (n, n), "B": (n, 3), "C": (2, n), "D": (2, 3), "L": (n,)}
         given = {**{name: getattr(self, name) for name in "ABCD"}, "L": np.zeros(n) if self.L is None else self.L}
         for name, shape in shapes.items():
-            value = np.ascontiguousarray(given[name], dtype=np.float64).reshape(shape if n == 0 else np.shape(given[name]))
+            value = np.ascontiguousarray(given[name], dtype=np.float64).reshape(
+                shape if n == 0 else np.shape(given[name])
+            )
             if value.shape != shape or not np.isfinite(value).all():
                 raise ValueError(f"{name}: must be finite and of shape {shape} for {n} states; got {value.shape}.")
             object.__setattr__(self, name, value)

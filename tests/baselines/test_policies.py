@@ -1,0 +1,52 @@
+"""Controllers in environments and policies on the rig are the same loop."""
+
+import gymnasium
+import numpy as np
+import pytest
+
+from baselines.controllers import design
+from baselines.policies import PolicyController, run_in_environment
+from flexdrive_gym import DEFAULT_DRIVE
+from flexdrive_gym.references import handout_trajectory
+
+T = np.arange(2000) * 1e-3
+
+
+def make(**arguments):
+    return gymnasium.make("FlexDrive-NonCollocated-v0", drive=DEFAULT_DRIVE, duration=2.0, **arguments)
+
+
+@pytest.mark.parametrize("name", ["p_x2", "lab4_friction", "cascade"])
+def test_in_the_environment_a_controller_does_what_it_does_on_the_rig(name):
+    controller = design(name, DEFAULT_DRIVE).controller
+    inside = run_in_environment(make(control_period=1e-3, velocity_cutoff=0.0), controller, seed=0)
+    rig = DEFAULT_DRIVE.simulate_closed_loop(T, handout_trajectory(T), controller)
+    # an action is single precision
+    assert np.max(np.abs(inside.x2 - rig.x2)) < 0.02
+    assert np.max(np.abs(inside.u - rig.u)) < 0.5
+
+
+@pytest.mark.parametrize("normalise", [False, True])
+def test_on_the_rig_a_policy_sees_what_it_sees_in_its_environment(normalise):
+    env = make(normalise=normalise)
+    weights = np.array([0.1, -0.02, 0.9, 0.1, 0.1, 0.05, 0.0, 0.0], dtype=np.float32) * (20.0 if normalise else 0.05)
+
+    def policy(observation):
+        return np.clip(weights @ observation, -1.0, 1.0, dtype=np.float32).reshape(1)
+
+    observation, info = env.reset(seed=0)
+    inside = []
+    for _ in range(400):
+        inside.append(info["read_x2"])
+        observation, _reward, _over, _end, info = env.step(policy(observation))
+    controller = PolicyController(policy, env.unwrapped.task)
+    rig = DEFAULT_DRIVE.simulate_closed_loop(T, handout_trajectory(T), controller)
+    assert np.max(np.abs(np.array(inside) - rig.x2[::5])) < 0.02
+
+
+def test_periods_must_fit():
+    controller = design("p_x2", DEFAULT_DRIVE).controller
+    with pytest.raises(ValueError, match=r"Pass control_period=0\.001"):
+        run_in_environment(make(), controller)
+    with pytest.raises(ValueError, match="must divide the control period"):
+        PolicyController(lambda _o: 0.0, make().unwrapped.task, sample_time=3e-3)
