@@ -16,7 +16,7 @@ from baselines.loops import closed_loop_response, is_stable, loop_response
 from flexdrive_gym import Drive, LinearController
 from flexdrive_gym.recording import FloatArray
 
-_POINTS = 6000
+_POINTS = 2400
 _SLOWEST = 0.02
 
 

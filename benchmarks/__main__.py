@@ -2,7 +2,7 @@
 
 import sys
 
-from benchmarks import accuracy, coverage, environment, real_rigs, speed
+from benchmarks import accuracy, controllers, coverage, environment, real_rigs, speed
 
 ALL = {
     "accuracy": accuracy.main,
@@ -10,6 +10,7 @@ ALL = {
     "environment": environment.main,
     "real_rigs": real_rigs.main,
     "coverage": coverage.main,
+    "controllers": controllers.main,
 }
 
 

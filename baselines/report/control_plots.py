@@ -23,7 +23,6 @@ from identification.plots.style import (
 )
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from baselines.amplitude import Sustained
@@ -72,7 +71,7 @@ def plot_root_loci(linear: LinearDrive, critical: Mapping[str, float | None]) ->
             axes.plot(edge.real, edge.imag, "D", color=MARK, markersize=5, label=f"Kp = {limit:.4g} V/mm")
         axes.axvline(0.0, color=COMMAND, linewidth=0.8)
         extent = 2.2 * linear.omega_n
-        axes.set(xlim=(-extent, 0.7 * extent), ylim=(-1.6 * extent, 1.6 * extent), xlabel="real part [rad/s]")
+        axes.set(xlim=(-extent, 0.7 * extent), ylim=(-1.4 * extent, 1.4 * extent), xlabel="real part [rad/s]")
         axes.set_title(
             f"feedback from {feedback}: {'collocated' if feedback == 'x1' else 'non-collocated'}", loc="left"
         )
@@ -285,37 +284,28 @@ def plot_trade(comparison: Comparison) -> Figure:
 
 @styled
 def plot_overlay(pairs: Sequence[tuple[Recording, Recording]]) -> Figure:
-    """Draw recorded P-control runs over their predictions in the loop: x2 and the command.
+    """Draw recorded P-control runs over their predictions in the loop: x2, x1 and the command.
 
     Parameters
     ----------
     pairs
-        (measured, simulated) on the same instants; lost or frozen encoder counts of the measured run are shaded.
+        (measured, simulated) on the same instants; where an encoder lost counts or froze, its panel is shaded.
     """
-    figure = new_figure(1.9 * len(pairs))
-    panels = figure.subplots(len(pairs), 2, sharex="row", squeeze=False)
-    for (measured, simulated), (position, command) in zip(pairs, panels, strict=True):
-        _overlaid(position, measured, simulated)
-        command.plot(measured.t, measured.u, color=REFERENCE, linewidth=0.9)
-        command.plot(simulated.t, simulated.u, color=CART[2], linewidth=0.9)
-        command.set_ylabel("u [V]")
-        position.set_title(f"{measured.name}: {measured.excitation}", loc="left", fontsize=8)
+    figure = new_figure(1.75 * len(pairs) + 0.3, width=9.5)
+    panels = figure.subplots(len(pairs), 3, sharex="row", squeeze=False)
+    known: dict[str, Any] = {}
+    for (measured, simulated), row in zip(pairs, panels, strict=True):
+        for axes, channel in zip(row, ("x2", "x1", "u"), strict=True):
+            if channel != "u":
+                shade_faults(axes, measured, f"encoder_{channel[1]}")
+                axes.plot(measured.t, measured.xr, color=COMMAND, linewidth=0.8, linestyle=":", label="reference")
+            axes.plot(measured.t, getattr(measured, channel), color=REFERENCE, linewidth=1.5, label="measured")
+            axes.plot(simulated.t, getattr(simulated, channel), color=CART[2], linewidth=1.0, label="predicted")
+            axes.set_ylabel("u [V]" if channel == "u" else f"$x_{channel[1]}$ [mm]")
+            handles, labels = axes.get_legend_handles_labels()
+            known.update(zip(labels, handles, strict=True))
+        row[0].set_title(f"{measured.excitation}", loc="left", fontsize=8.5)
     for axes in panels[-1]:
         axes.set_xlabel("time [s]")
-    handles, labels = panels[0, 0].get_legend_handles_labels()
-    known = dict(zip(labels, handles, strict=True))
-    for row in panels[1:]:
-        known.update(dict(zip(*reversed(row[0].get_legend_handles_labels()), strict=True)))
     figure.legend(known.values(), known.keys(), loc="outside upper right", ncols=5)
     return figure
-
-
-def _overlaid(axes: Axes, measured: Recording, simulated: Recording) -> None:
-    shade_faults(axes, measured, "encoder_1", "encoder_2")
-    assert measured.xr is not None
-    assert measured.x2 is not None
-    assert simulated.x2 is not None
-    axes.plot(measured.t, measured.xr, color=REFERENCE, linewidth=0.8, linestyle=":", label="$x_r$")
-    axes.plot(measured.t, measured.x2, color=REFERENCE, linewidth=1.4, label="$x_2$ measured")
-    axes.plot(simulated.t, simulated.x2, color=CART[2], linewidth=1.0, label="$x_2$ predicted")
-    axes.set_ylabel("position [mm]")
