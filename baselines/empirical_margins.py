@@ -113,13 +113,18 @@ def _positions(
 
 
 def _grows_linear(x: FloatArray) -> bool:
-    """Whether the motion is larger in the last third than in the third before it."""
+    """Whether the motion is larger in the last third than in one before it.
+
+    Larger than in the middle: it grows freely. Larger than in the first: it grew as far as a controller's own limit let it.
+    """
     if not np.max(np.abs(x)) < _FAR_MM:  # nan is far too
         return True
     third = len(x) // 3
     # differences: a slow drift towards rest shall not hide a small vibration that grows
-    middle, last = np.diff(x[third : 2 * third]), np.diff(x[2 * third :])
-    return float(np.sqrt(np.mean(last**2))) > float(np.sqrt(np.mean(middle**2))) > 0.0
+    first, middle, last = (
+        float(np.sqrt(np.mean(np.diff(part) ** 2))) for part in (x[:third], x[third : 2 * third], x[2 * third :])
+    )
+    return last > min(first, middle) > 0.0
 
 
 def _grows_full(x: FloatArray, sample_time: float) -> bool:
@@ -165,6 +170,10 @@ def empirical_margins(
         xr, start = np.zeros(n), np.array([_START_MM, 0.0, _START_MM if drive.carts == 2 else 0.0, 0.0])
     else:
         xr, start = point_to_point(np.arange(n) * sample_time), np.zeros(4)
+    # what previews its reference must hear which it is
+    following = getattr(controller, "following", None)
+    if following is not None:
+        controller = following(xr)
     if isinstance(controller, LinearController) and on == "linear":
         controller = controller.replace(limit=inf, friction=0.0, shaper=((0, 1.0),))
 

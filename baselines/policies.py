@@ -7,7 +7,7 @@ actions. A linear controller runs at its own sample time, so its environment nee
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -85,16 +85,19 @@ class PolicyController:
         The arguments of the environment for which the policy was made: sensing, scaling, preview, control period.
     sample_time
         How often the controller is called [s]; a whole fraction of the task's control period, over which the action is held.
+    reference : ndarray, shape (n,), or None
+        What the preview is read from, at the controller's instants [mm]; ``None``: the task's reference.
 
     Notes
     -----
-    Preview is read from the task's reference, so the run must follow it. Velocities are made from positions by the task's own
-    filter, as in the environment.
+    Comparisons and trials of margins tell it their reference by :meth:`following`. Velocities are made from positions by the
+    task's own filter, as in the environment.
     """
 
     policy: Policy
     task: Task
     sample_time: float = 1e-3
+    reference: FloatArray | None = None
 
     def __post_init__(self) -> None:
         ratio = self.task.control_period / self.sample_time
@@ -107,6 +110,10 @@ class PolicyController:
         keys = [f"velocity_processing.encoder_{i}.cutoff" for i in (1, 2)]
         self._keep = [_decay(self.task.rig, key, self.task.control_period) for key in keys]
         self.reset()
+
+    def following(self, reference: npt.ArrayLike) -> PolicyController:
+        """Return the controller for a run along another reference, which its preview is then read from."""
+        return replace(self, reference=np.asarray(reference, dtype=np.float64))
 
     def reset(self) -> None:
         """Forget the past."""
@@ -138,9 +145,10 @@ class PolicyController:
         seen = now[0] if self.task.sensing == "collocated" else now[1]
         values = [v for i in carts for v in (now[i], self._speed[i])]
         period = self._count // self._every
-        table = self.task.references[0]
+        table, step = (self.task.references[0], 1) if self.reference is None else (self.reference, self._every)
         values += [o.xr - seen, o.xr, self._u]
-        values += [float(table[min(period + a, len(table) - 1)]) for a in self.task.ahead]
+        last = len(table) - 1
+        values += [float(table[min((period + int(a)) * step, last)]) for a in self.task.ahead]
         limited = np.clip(values, -self._bounds, self._bounds)
         return np.asarray(limited / self._bounds if self.task.normalise else limited, dtype=np.float32)
 

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from scipy.optimize import brentq
 
-from baselines.controllers._design import LAB_4, SAMPLE_TIME_S, Design, Family
+from baselines.controllers._design import LAB_4, SAMPLE_TIME_S, Design, Family, needs_two_carts
 from flexdrive_gym import Drive, LinearController
 
 Feedback = Literal["x1", "x2"]
@@ -72,6 +72,8 @@ def _response(drive: Drive, omega: float, feedback: Feedback) -> complex:
 def _design(feedback: Feedback) -> Family:
     def design(drive: Drive, sample_time: float) -> Design:
         notes: tuple[str, ...] = ()
+        if feedback == "x2":
+            needs_two_carts(drive, "p_x2")
         try:
             Kp, omega = gain_for_phase_margin(drive, LAB_4.phase_margin_deg, feedback)
         except ValueError:

@@ -5,6 +5,9 @@ import numpy as np
 import pytest
 
 from baselines.controllers import design
+from baselines.controllers.p_control import proportional
+from baselines.empirical_margins import empirical_margins
+from baselines.margins import margins
 from baselines.policies import PolicyController, run_in_environment
 from flexdrive_gym import DEFAULT_DRIVE
 from flexdrive_gym.references import handout_trajectory
@@ -50,3 +53,26 @@ def test_periods_must_fit():
         run_in_environment(make(), controller)
     with pytest.raises(ValueError, match="must divide the control period"):
         PolicyController(lambda _o: 0.0, make().unwrapped.task, sample_time=3e-3)
+
+
+def test_a_policy_is_told_the_reference_that_it_previews():
+    env = make()
+    controller = PolicyController(lambda o: o[-1], env.unwrapped.task)  # acts on the reference 0.1 s ahead alone
+    t = np.arange(400) * 1e-3
+    xr = np.where(t >= 0.2, 1.0, 0.0)
+    run = DEFAULT_DRIVE.simulate_closed_loop(t, xr, controller.following(xr))
+    assert np.flatnonzero(run.u)[0] == 100
+
+
+def test_a_policy_has_margins_by_trial():
+    """A policy that is P-control has P-control's margin, less what its slower period costs."""
+    task = make(preview=()).unwrapped.task
+    gain = 0.12
+
+    def policy(observation):
+        return gain * observation[2] / task.voltage
+
+    found = empirical_margins(DEFAULT_DRIVE, PolicyController(policy, task), duration=6.0, quantities=("gain",))
+    # held for 5 ms instead of 1 ms: as if the drive were 2 ms later
+    late = DEFAULT_DRIVE.replace({"input_delay.tau": 0.002})
+    assert found.gain_margin == pytest.approx(margins(late, proportional(gain)).gain_margin, rel=0.02)
