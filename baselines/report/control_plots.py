@@ -111,7 +111,7 @@ def plot_amplitude(
     axes.fill_between(
         [s.amplitude for s in finite], [min(s.factor, top) for s in finite], top, color=MARK, alpha=0.08, linewidth=0.0
     )
-    axes.text(0.98, 0.93, "vibration grows", transform=axes.transAxes, ha="right", color=MARK, fontsize=8)
+    axes.text(0.42, 0.92, "vibration grows", transform=axes.transAxes, color=MARK, fontsize=8)
     axes.text(0.02, 0.05, "vibration dies out", transform=axes.transAxes, fontsize=8)
     axes.set_xticks(ticks := [2, 3, 5, 10, 20, 30, 50, 80], [str(v) for v in ticks])
     axes.minorticks_off()
