@@ -2,7 +2,7 @@
 
 import sys
 
-from benchmarks import accuracy, blind_nuisance, coverage, environment, real_rigs, speed
+from benchmarks import accuracy, blind_nuisance, controllers, coverage, environment, real_rigs, speed
 
 ALL = {
     "accuracy": accuracy.main,
@@ -11,6 +11,7 @@ ALL = {
     "real_rigs": real_rigs.main,
     "coverage": coverage.main,
     "blind_nuisance": blind_nuisance.main,
+    "controllers": controllers.main,
 }
 
 

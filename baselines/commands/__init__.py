@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from typing import Annotated
 
 import typer
 
-from baselines.commands import demo, experiment, identify, report, stability, validate
+from baselines.commands import compare, demo, design, experiment, identify, report, stability, validate
 from flexdrive_gym.version import __version__
+
+# the matrices here are small: threads of the linear algebra that spin for work cost more than they save, ten times as much on a
+# machine that has other things to do; set before numpy is imported, which commands do when they run
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 app = typer.Typer(
     name="flexdrive",
@@ -18,7 +23,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for _module in (demo, identify, validate, stability, experiment, report):
+for _module in (demo, identify, validate, stability, experiment, design, compare, report):
     app.command()(getattr(_module, _module.__name__.rsplit(".", 1)[-1]))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -12,18 +13,52 @@ from baselines.commands._output import DriveFile, Json, number, print_json, say,
 
 def stability(
     drive: DriveFile,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            file_okay=False,
+            help="Folder for stability.html and the recordings of 2.1-2.4, with and without friction.",
+        ),
+    ] = None,
     gain: Annotated[float, typer.Option(min=0.0, help="Kp at which the phase margin is stated [V/mm].")] = 0.05,
     json: Json = False,
 ) -> None:
-    """Print the critical gain of P-control, linear and simulated, from x1 and from x2."""
-    from baselines.stability_limit import explain, stability_limit  # noqa: PLC0415
+    """Print the critical gain of P-control, linear, simulated and as a student finds it, from x1 and from x2."""
+    from baselines.stability_study import study_stability  # noqa: PLC0415
     from flexdrive_gym import load_drive  # noqa: PLC0415
 
     rig = load_drive(drive)
-    limits = {feedback: stability_limit(rig, feedback, gain) for feedback in ("x1", "x2")[: rig.carts]}  # type: ignore[arg-type]
-    sentence = explain(rig, limits["x2"]) if "x2" in limits else "A rigid drive has no limit in linear theory."
+    study = study_stability(rig, gain)
+    written = []
+    if output is not None:
+        from baselines.report.stability_page import build_stability_page  # noqa: PLC0415
+        from flexdrive_gym.files import write_atomically  # noqa: PLC0415
+        from identification import write_recording  # noqa: PLC0415
+
+        for folder, runs in (("with_friction", study.runs), ("without_friction", study.runs_without_friction)):
+            for run in runs.values():
+                path = output / folder / f"{run.name}.csv"
+                write_recording(run, path)
+                written.append(path)
+        written.append(write_atomically(output / "stability.html", build_stability_page(study).encode()))
     if json:
-        print_json({**{k: {**asdict(v), "unit": "V/mm"} for k, v in limits.items()}, "explanation": sentence})
+        limits = {k: {**asdict(v), "unit": "V/mm"} for k, v in study.limits.items()}
+        if "x2" in limits:
+            limits["x2"] |= {
+                "critical_gain_student": study.student,
+                "critical_gain_student_without_friction": study.student_without_friction,
+            }
+        print_json({
+            **limits,
+            "explanation": " ".join(study.explanation),
+            "amplitude": [
+                {"amplitude_mm": s.amplitude, "critical_gain": s.factor, "omega": s.omega} for s in study.curve
+            ],
+            "amplitude_simulated": [{"amplitude_mm": s.amplitude, "critical_gain": kp} for s, kp in study.tried],
+            "written": written,
+        })  # fmt: skip
         return
     table(
         f"P-control of {rig.name}",
@@ -44,8 +79,17 @@ def stability(
                 number(v.vibration),
                 number(v.phase_margin_deg, 4),
             ]
-            for name, v in limits.items()
+            for name, v in study.limits.items()
         ],
     )
     say("– : no limit below 10 V/mm")
-    say(sentence)
+    if study.tried:
+        table(
+            "gain from x2 at which a vibration keeps its size [V/mm]",
+            ["amplitude of x2 [mm]", "harmonic balance", "simulated"],
+            [[number(s.amplitude, 3), number(s.factor), number(kp)] for s, kp in study.tried],
+        )
+    for sentence in study.explanation:
+        say(sentence)
+    for path in written:
+        say(f"wrote {path}")

@@ -128,6 +128,45 @@ class Drive:
         """Return the parameter vector of the compiled step, ndarray, shape (n_parameters,)."""
         return parameters.vector(self.values)
 
+    def draw(self, rng: np.random.Generator, n: int) -> list[Drive]:
+        """Draw drives from the identified covariance, jointly normal around this one.
+
+        Parameters
+        ----------
+        rng
+            Source of the draws; the same state gives the same drives.
+        n
+            How many.
+
+        Returns
+        -------
+        list of Drive
+            Without intervals and covariance. Far tails are no drives: every value stays within a third to three times its own
+            and within its bounds.
+
+        Raises
+        ------
+        ValueError
+            If the drive has no covariance.
+        """
+        if self.covariance is None:
+            raise ValueError(
+                f"covariance: drawing needs a drive with a covariance; got {self.name!r} without one. Use the drive.toml of "
+                "'flexdrive identify --method ml'."
+            )
+        names = self.covariance.names
+        values, specs = np.array([self[n] for n in names]), [parameters.parameter(n) for n in names]
+        drawn = rng.multivariate_normal(values, self.covariance.matrix, size=n, method="eigh")
+        low = np.maximum([s.lower for s in specs], values / 3.0)
+        high = np.minimum([s.upper for s in specs], 3.0 * values)
+        drawn = np.clip(drawn, low, np.maximum(low, high))
+        return [
+            self.replace(
+                dict(zip(names, map(float, row), strict=True)), intervals={}, name=f"{self.name}, draw {i + 1}"
+            )
+            for i, row in enumerate(drawn)
+        ]
+
     def simulate(
         self,
         t: npt.ArrayLike,
@@ -184,7 +223,8 @@ class Drive:
             xr [mm].
         controller
             Called with an :class:`~flexdrive_gym.drive.simulate.Observation`, returns the command [V]; limited to
-            the drive's saturation. A :class:`~flexdrive_gym.drive.simulate.PControl` runs in the compiled loop.
+            the drive's saturation. A :class:`~flexdrive_gym.drive.simulate.PControl` or
+            :class:`~flexdrive_gym.drive.linear_controller.LinearController` of this period runs in the compiled loop.
         start, physics_step, travel_limit, name
             As in :meth:`simulate`.
 

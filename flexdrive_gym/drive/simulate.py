@@ -10,7 +10,8 @@ from typing import Literal, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from flexdrive_gym.drive import kernels, parameters
+from flexdrive_gym.drive import kernels, loop, parameters
+from flexdrive_gym.drive.linear_controller import LinearController
 from flexdrive_gym.drive.sample import WORK_SPACE
 from flexdrive_gym.recording import Excitation, FloatArray, Recording
 
@@ -168,6 +169,15 @@ def closed_loop(
         number = {"x1": 1, "x2": 2}[controller.feedback]
         kernels.run_p_control(xr, controller.gain, number, sample_time, steps, state, memory, z, p, readings, u)
         excitation = Excitation("closed_loop", excitation.amplitude, 0.0, controller.feedback, controller.gain)
+    elif isinstance(controller, LinearController) and abs(controller.sample_time - sample_time) < 1e-6 * sample_time:
+        out = np.empty((1, 5, len(t)))
+        none, whole = np.zeros(len(t)), np.zeros(1, dtype=np.int64)
+        work = np.zeros(2 * controller.order + 1)
+        loop.run_linear(
+            controller.shape(xr), controller.law(), controller.order, np.ones(1), whole, none, 0, sample_time, steps,
+            state, memory, work, np.zeros(1), z, p[None, :], out,
+        )  # fmt: skip
+        readings, u = np.ascontiguousarray(out[0, :4]), out[0, 4].copy()
     else:
         limit = values.get("saturation.limit", inf)
         reading = np.empty(4)

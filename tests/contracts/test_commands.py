@@ -45,7 +45,9 @@ def folder(tmp_path_factory):
 
 
 def test_the_contract_names_every_command():
-    assert set(COMMANDS) == {"demo", "identify", "validate", "stability", "experiment", "report"}
+    assert set(COMMANDS) == {
+        "demo", "identify", "validate", "stability", "experiment", "design", "compare", "report"
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -74,7 +76,9 @@ def test_a_missing_file_is_named_and_nothing_is_written(command, tmp_path):
         ("identify", ["recordings", "-o", "out/drive.toml"]),
         ("identify", ["recordings", "--method", "handout", "-o", "out/handout.toml"]),
         ("validate", ["drive.toml", "recordings"]),
-        ("stability", ["drive.toml"]),
+        ("stability", ["drive.toml", "-o", "out"]),
+        ("design", ["drive.toml", "-o", "out"]),
+        ("compare", ["drive.toml", "-o", "out", "--controllers", "p_x2,lab4", "--no-effects"]),
         ("experiment", ["drive.toml", "-o", "out/day", "--frequency", "1", "--square", "1.5"]),
         ("report", ["recordings", "-o", "out/report.html"]),
     ],
@@ -89,6 +93,17 @@ def test_json_is_one_object(folder, command, arguments):
         assert found["x2"]["unit"] == "V/mm"
         assert found["x1"]["critical_gain_linear"] is None
         assert found["x2"]["critical_gain_simulated"] > found["x2"]["critical_gain_linear"]
+    if command in {"stability", "design", "compare"}:
+        page = (folder / "out" / f"{command}.html").read_text()
+        assert not re.findall(r"""(?:src|href)=["'](?!data:|#)""", page)  # self-contained
+        assert "<img" in page
+    if command == "design":
+        assert found["refined"]["met"]
+        assert set(found["refined"]["values"]) >= {"φmax", "α", "T", "Z = 1/(αT)", "P = 1/T", "Kp"}
+    if command == "compare":
+        assert set(found["controllers"]) == {"p_x2", "lab4"}
+        assert found["cases"] == {"nominal": 1, "draw": 0, "effect": 0}
+        assert "no covariance" in found["notes"][0]
     if command == "identify":
         expected = {"bT", "b1", "b2", "dT", "d1", "d2", "p", "mT", "m1", "m2", "omega_d", "k", "zeta", "omega_n", "C"}
         assert set(found["quantities"]) == expected

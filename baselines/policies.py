@@ -1,0 +1,158 @@
+"""The two ways between controllers and environments: a controller that acts in one, and a policy that runs on the rig.
+
+The protocol of controllers speaks of positions and volts at control periods, an environment's policy of scaled observations and
+actions. A linear controller runs at its own sample time, so its environment needs ``control_period=1e-3``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flexdrive_gym import Controller, Drive, Excitation, Observation, Recording
+from flexdrive_gym.environment import FlexDriveEnv
+from flexdrive_gym.recording import FloatArray
+from flexdrive_gym.task import Task
+
+Policy = Callable[[npt.NDArray[np.float32]], Any]
+
+
+def observe(info: dict[str, Any], t: float) -> Observation:
+    """Return what a controller knows at one instant from an environment's ``info``: the readings, not the true states."""
+    return Observation(t, info["xr"], info["read_x1"], info["read_x2"], info["read_v1"], info["read_v2"])
+
+
+def run_in_environment(env: FlexDriveEnv, controller: Controller, *, seed: int | None = None) -> Recording:
+    """Run an episode with a controller instead of a policy.
+
+    Parameters
+    ----------
+    env
+        A flexible drive; its control period must be the controller's sample time where it has one.
+    controller
+        Anything with the protocol.
+    seed
+        Of the episode.
+
+    Returns
+    -------
+    Recording
+        Readings, command and reference at control periods, to the end of the episode.
+
+    Raises
+    ------
+    ValueError
+        If the periods differ.
+    """
+    base: Any = env.unwrapped
+    period = base.task.control_period
+    own = getattr(controller, "sample_time", period)
+    if abs(own - period) > 1e-6 * period:
+        raise ValueError(
+            f"controller: made for {own:g} s; the environment acts every {period:g} s. Pass control_period={own:g}."
+        )
+    _seen, info = env.reset(seed=seed)
+    controller.reset()
+    rows, done, clock = [], False, 0
+    while not done:
+        observation = observe(info, clock * period)
+        u = float(np.clip(controller(observation), -base.task.voltage, base.task.voltage))
+        rows.append((observation.t, u, observation.x1, observation.x2, observation.v1, observation.v2, observation.xr))
+        _seen, _reward, terminated, truncated, info = env.step(np.array([u / base.task.voltage], dtype=np.float32))
+        done, clock = terminated or truncated, clock + 1
+    t, u_all, x1, x2, v1, v2, xr = np.array(rows).T.copy()
+    two = base.task.rig.carts == 2
+    return Recording(
+        name="environment", t=t, u=u_all, x1=x1, x2=x2 if two else None, v1=v1, v2=v2 if two else None, xr=xr,
+        excitation=Excitation("closed_loop", amplitude=float(np.max(np.abs(xr - xr[0])))), source="simulated",
+    )  # fmt: skip
+
+
+@dataclass
+class PolicyController:
+    """A policy of the environment as a controller on the rig: a black box for comparisons and margins.
+
+    Parameters
+    ----------
+    policy
+        Observation of the environment to action, ndarray of shape (1,) or a number. It travels to other processes, so it must
+        pickle where these are used.
+    task
+        The arguments of the environment for which the policy was made: sensing, scaling, preview, control period.
+    sample_time
+        How often the controller is called [s]; a whole fraction of the task's control period, over which the action is held.
+    reference : ndarray, shape (n,), or None
+        What the preview is read from, at the controller's instants [mm]; ``None``: the task's reference.
+
+    Notes
+    -----
+    Comparisons and trials of margins tell it their reference by :meth:`following`. Velocities are made from positions by the
+    task's own filter, as in the environment.
+    """
+
+    policy: Policy
+    task: Task
+    sample_time: float = 1e-3
+    reference: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        ratio = self.task.control_period / self.sample_time
+        if abs(ratio - round(ratio)) > 1e-6 or round(ratio) < 1:
+            raise ValueError(
+                f"sample_time: must divide the control period of {self.task.control_period:g} s; got {self.sample_time:g} s."
+            )
+        self._every = round(ratio)
+        self._bounds = np.array([bound for _name, _unit, bound in self.task.names()])
+        keys = [f"velocity_processing.encoder_{i}.cutoff" for i in (1, 2)]
+        self._keep = [_decay(self.task.rig, key, self.task.control_period) for key in keys]
+        self.reset()
+
+    def following(self, reference: npt.ArrayLike) -> PolicyController:
+        """Return the controller for a run along another reference, which its preview is then read from."""
+        return replace(self, reference=np.asarray(reference, dtype=np.float64))
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self._count, self._u = 0, 0.0
+        self._previous: FloatArray | None = None
+        self._speed = np.zeros(2)
+        reset = getattr(self.policy, "reset", None)
+        if reset is not None:
+            reset()
+
+    def __call__(self, observation: Observation, /) -> float:
+        """Return the command [V]; ask the policy once per control period."""
+        if self._count % self._every == 0:
+            action = self.policy(self._entries(observation))
+            self._u = self.task.voltage * float(np.clip(np.ravel(action)[0], -1.0, 1.0))
+        self._count += 1
+        return self._u
+
+    def _entries(self, o: Observation) -> npt.NDArray[np.float32]:
+        now = np.array([o.x1, o.x2])
+        if self._previous is None:
+            self._speed = np.array([o.v1, o.v2])
+        else:
+            raw = (now - self._previous) / self.task.control_period
+            a = np.array(self._keep)
+            self._speed = a * self._speed + (1.0 - a) * raw
+        self._previous = now
+        carts = {"collocated": (0,), "non_collocated": (1,), "full_state": (0, 1)}[self.task.sensing]
+        seen = now[0] if self.task.sensing == "collocated" else now[1]
+        values = [v for i in carts for v in (now[i], self._speed[i])]
+        period = self._count // self._every
+        table, step = (self.task.references[0], 1) if self.reference is None else (self.reference, self._every)
+        values += [o.xr - seen, o.xr, self._u]
+        last = len(table) - 1
+        values += [float(table[min((period + int(a)) * step, last)]) for a in self.task.ahead]
+        limited = np.clip(values, -self._bounds, self._bounds)
+        return np.asarray(limited / self._bounds if self.task.normalise else limited, dtype=np.float32)
+
+
+def _decay(rig: Drive, key: str, period: float) -> float:
+    cutoff = rig[key]
+    return float(np.exp(-2.0 * np.pi * cutoff * period)) if cutoff > 0.0 else 0.0

@@ -1,0 +1,117 @@
+"""Handout 2.1-2.4 on any drive, and why the limit found there is not Routh's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from baselines.amplitude import Sustained, simulated_limit, sustained_curve
+from baselines.controllers.p_control import proportional
+from baselines.experiments import limit_in_the_lab, stability_experiments
+from baselines.stability_limit import HANDOUT_GAIN, StabilityLimit, explain, stability_limit, with_rig
+from flexdrive_gym import Drive, Recording
+
+_AMPLITUDES_MM = np.geomspace(2.0, 80.0, 60)
+_TRIED_MM = np.geomspace(3.0, 45.0, 10)
+
+
+@dataclass(frozen=True, eq=False)
+class StabilityStudy:
+    """What the handout's students find by hand, and the theory beside it.
+
+    Attributes
+    ----------
+    limits
+        Feedback to limits: Routh, margins, simulated by the contract's rule.
+    student, student_without_friction
+        Largest gain from x2 at which four seconds of the trajectory do not grow, with the drive's friction and without
+        [V/mm]; ``None`` where nothing grows below 10 V/mm, or for a rigid drive.
+    runs, runs_without_friction
+        Section of the handout (2.1 … 2.4) to recording.
+    curve
+        Critical gain over amplitude by harmonic balance; the factor is Kp [V/mm]. Empty for a rigid drive.
+    tried
+        Some points of harmonic balance, each with the Kp found by simulation [V/mm].
+    explanation
+        Why the limits differ, in sentences.
+    """
+
+    drive: Drive
+    limits: Mapping[str, StabilityLimit]
+    student: float | None
+    student_without_friction: float | None
+    runs: Mapping[str, Recording]
+    runs_without_friction: Mapping[str, Recording]
+    curve: tuple[Sustained, ...]
+    tried: tuple[tuple[Sustained, float], ...]
+    explanation: tuple[str, ...]
+
+    @property
+    def agreement(self) -> float | None:
+        """Largest relative difference of harmonic balance and simulation for vibrations above 10 mm; ``None`` without such."""
+        both = [abs(kp / s.factor - 1.0) for s, kp in self.tried if s.amplitude >= 10.0 and np.isfinite(kp)]
+        return max(both) if both else None
+
+
+def study_stability(drive: Drive, at_gain: float = HANDOUT_GAIN) -> StabilityStudy:
+    """Run 2.1-2.4 with and without friction, and explain the difference.
+
+    Parameters
+    ----------
+    drive
+        Encoder counts and command limit are the handout's where it has none.
+    at_gain
+        Kp at which the phase margin is stated [V/mm].
+    """
+    rig = with_rig(drive)
+    limits = {f: stability_limit(drive, f, at_gain) for f in ("x1", "x2")[: drive.carts]}  # type: ignore[arg-type]
+    runs = stability_experiments(drive)
+    if drive.carts == 1:
+        return StabilityStudy(
+            drive, limits, None, None, runs, {}, (), (), ("A rigid drive has no limit in linear theory.",)
+        )  # fmt: skip
+    smooth = rig.replace({"d1": 0.0, "d2": 0.0}, name=f"{drive.name} without Coulomb friction")
+    student, free = limit_in_the_lab(drive), limit_in_the_lab(smooth)
+    unit = proportional(1.0, "x2")
+    curve = sustained_curve(rig, unit, _AMPLITUDES_MM, limit=rig.voltage_limit)
+    starts = sustained_curve(rig, unit, _TRIED_MM, limit=rig.voltage_limit)
+    tried = tuple((s, simulated_limit(rig, unit, s)) for s in starts if np.isfinite(s.factor))
+    study = StabilityStudy(drive, limits, student, free, runs, stability_experiments(smooth), tuple(curve), tried, ())
+    return StabilityStudy(**{**study.__dict__, "explanation": _explanation(study)})
+
+
+def _explanation(study: StabilityStudy) -> tuple[str, ...]:
+    drive, limit = study.drive, study.limits["x2"]
+    said = [explain(drive, limit)]
+    routh = limit.critical_gain_linear
+    if routh is None:
+        return tuple(said)
+    if study.student is not None and study.student_without_friction is not None:
+        said.append(
+            f"A student who raises Kp until four seconds of the trajectory grow finds {study.student:.4g} V/mm with friction and "
+            f"{study.student_without_friction:.4g} V/mm on the same drive without it (Routh: {routh:.4g} V/mm)."
+        )
+    finite = [s for s in study.curve if np.isfinite(s.factor)]
+    if finite and (drive["d1"] > 0.0 or drive["d2"] > 0.0):
+        least = min(finite, key=lambda s: s.factor)
+        small = finite[0]
+        said.append(
+            f"By harmonic balance a vibration of {small.amplitude:.2g} mm needs Kp = {small.factor:.3g} V/mm to survive, one of "
+            f"{least.amplitude:.2g} mm only {least.factor:.3g} V/mm, and in between the gain decides "
+            "which size is the edge: smaller "
+            "ones die, larger ones grow."
+        )
+        if study.agreement is not None:
+            said.append(
+                "For vibrations above 10 mm simulation and harmonic balance agree to "
+                f"{study.agreement:.1%}; smaller ones stick in every "
+                "cycle and are no sines."
+            )
+    said.append(
+        "From x1 the zeros beside the complex poles hold the phase above -180°, so no gain is "
+        "unstable in linear theory; the price is "
+        "an error of x2 that the loop does not see."
+    )
+    return tuple(said)

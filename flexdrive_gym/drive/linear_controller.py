@@ -1,0 +1,224 @@
+r"""A linear controller in discrete time: one object for simulation, environment and margins.
+
+With the readings :math:`y = (x_r, x_1, x_2)` and the state :math:`x`,
+
+.. math::
+   u &= C_0 x + D_0 y + F\,\mathrm{sat}\!\left((C_1 x + D_1 y) / v_0\right), \qquad
+   \bar u = \mathrm{sat}(u, u_\mathrm{max}), \\
+   x^+ &= A x + B y + L (\bar u - u).
+
+The second output is a velocity by which Coulomb friction of level F is compensated, L keeps the state honest while the
+command is limited (anti-windup; for an observer, L is the plant's input column). The reference may pass a *shaper* first, a
+sum of delayed copies of itself (N. C. Singer, W. P. Seering, ASME J. Dyn. Syst. Meas. Control 112, 1990).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from math import inf
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flexdrive_gym.drive import loop, parameters
+from flexdrive_gym.drive.sample import WORK_SPACE
+from flexdrive_gym.recording import FloatArray
+
+if TYPE_CHECKING:
+    import control
+
+    from flexdrive_gym.drive.drive import Drive
+    from flexdrive_gym.drive.simulate import Observation
+
+INPUT_NAMES = ("xr", "x1", "x2")
+
+
+@dataclass(frozen=True, eq=False)
+class LinearController:
+    """A linear controller with command limit, anti-windup, friction compensation and reference shaper.
+
+    Parameters
+    ----------
+    A, B, C, D : ndarray, shapes (n, n), (n, 3), (2, n), (2, 3)
+        Inputs xr, x1, x2 [mm]; outputs command [V], velocity for the friction compensation [mm/s].
+    sample_time
+        Control period [s].
+    L : ndarray, shape (n,)
+        Effect of what the limit cut off on the state; zeros by default.
+    limit
+        Largest command [V].
+    friction, threshold
+        Level of compensated Coulomb friction [V] and the velocity at which it is compensated in full [mm/s].
+    shaper
+        Pairs (delay in samples, weight) applied to the reference.
+    name
+        For tables.
+
+    Raises
+    ------
+    ValueError
+        For matrices whose shapes do not fit, a limit or threshold that is not positive, or a delay below zero.
+    """
+
+    A: FloatArray
+    B: FloatArray
+    C: FloatArray
+    D: FloatArray
+    sample_time: float = 1e-3
+    L: FloatArray | None = None
+    limit: float = inf
+    friction: float = 0.0
+    threshold: float = 1.0
+    shaper: tuple[tuple[int, float], ...] = ((0, 1.0),)
+    name: str = "linear"
+    _state: FloatArray = field(init=False, repr=False)
+    _past: list[float] = field(init=False, repr=False, default_factory=list)
+
+    def __post_init__(self) -> None:
+        n = len(self.A)
+        shapes = {"A": (n, n), "B": (n, 3), "C": (2, n), "D": (2, 3), "L": (n,)}
+        given = {**{name: getattr(self, name) for name in "ABCD"}, "L": np.zeros(n) if self.L is None else self.L}
+        for name, shape in shapes.items():
+            value = np.ascontiguousarray(given[name], dtype=np.float64).reshape(
+                shape if n == 0 else np.shape(given[name])
+            )
+            if value.shape != shape or not np.isfinite(value).all():
+                raise ValueError(f"{name}: must be finite and of shape {shape} for {n} states; got {value.shape}.")
+            object.__setattr__(self, name, value)
+        for name in ("sample_time", "limit", "threshold"):
+            if not getattr(self, name) > 0.0:
+                raise ValueError(f"{name}: must be positive; got {getattr(self, name):g}.")
+        if not self.shaper or any(delay < 0 or delay != int(delay) for delay, _weight in self.shaper):
+            raise ValueError(f"shaper: must be pairs (whole samples of at least 0, weight); got {self.shaper!r}.")
+        object.__setattr__(self, "_state", np.zeros(n))
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return len(self.A)
+
+    def replace(self, **changes: Any) -> LinearController:
+        """Return the controller with other fields and no past."""
+        return replace(self, **changes)
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self._state[:] = 0.0
+        self._past.clear()
+
+    def __call__(self, observation: Observation, /) -> float:
+        """Return the command [V] and advance the state by one sample."""
+        y = np.array([self._shaped(observation.xr), observation.x1, observation.x2])
+        u, velocity = (float(v) for v in self.C @ self._state + self.D @ y)
+        if self.friction != 0.0:
+            u += self.friction * min(max(velocity / self.threshold, -1.0), 1.0)
+        allowed = min(max(u, -self.limit), self.limit)
+        assert self.L is not None
+        self._state[:] = self.A @ self._state + self.B @ y + self.L * (allowed - u)
+        return allowed
+
+    def _shaped(self, xr: float) -> float:
+        if self.shaper == ((0, 1.0),):
+            return xr
+        longest = max(delay for delay, _weight in self.shaper)
+        if not self._past:
+            self._past.extend([xr] * (longest + 1))  # before the run the reference stood still
+        self._past.append(xr)
+        del self._past[0]
+        return sum(weight * self._past[-1 - delay] for delay, weight in self.shaper)
+
+    def shape(self, xr: npt.ArrayLike) -> FloatArray:
+        """Return the reference as the controller sees it, ndarray, shape (n,)."""
+        given = np.ascontiguousarray(xr, dtype=np.float64)
+        total = np.zeros_like(given)
+        for delay, weight in self.shaper:
+            total += weight * np.concatenate([np.full(min(delay, len(given)), given[0]), given])[: len(given)]
+        return total
+
+    def law(self) -> FloatArray:
+        """Return the controller as the compiled loop reads it, ndarray."""
+        assert self.L is not None
+        constants = np.array([self.limit, self.friction, self.threshold])
+        return np.concatenate([constants, *(m.ravel() for m in (self.A, self.B, self.C, self.D)), self.L])
+
+    def state_space(self) -> control.StateSpace:
+        """Return the linear part from (xr, x1, x2) to u as a python-control object; the shaper is left out."""
+        import control  # noqa: PLC0415  (costs a second; used here only)
+
+        return control.ss(
+            self.A, self.B, self.C[:1], self.D[:1], self.sample_time, inputs=list(INPUT_NAMES), outputs=["u"]
+        )
+
+
+def run_batch(
+    drives: Sequence[Drive],
+    xr: npt.ArrayLike,
+    controller: LinearController,
+    *,
+    gains: npt.ArrayLike = 1.0,
+    late: npt.ArrayLike = 0,
+    disturbance: npt.ArrayLike = 0.0,
+    start: npt.ArrayLike = (0.0, 0.0, 0.0, 0.0),
+    true_states: bool = True,
+    physics_step: float = 1e-3,
+) -> FloatArray:
+    """Run one controller on many drives in the compiled loop.
+
+    Parameters
+    ----------
+    drives
+        One per job.
+    xr : array_like, shape (n,)
+        Reference at control periods [mm], before the controller's shaper.
+    controller
+        A linear controller.
+    gains, late : array_like, shape (jobs,) or scalar
+        Factor on the command, and whole samples by which it is held back, for trials of margins.
+    disturbance : array_like, shape (n,) or scalar
+        Added to the command [V].
+    start : array_like, shape (4,)
+        x1 [mm], v1 [mm/s], x2 [mm], v2 [mm/s].
+    true_states
+        Whether the carts' true states are returned, or what the encoders report.
+    physics_step
+        Longest step of the integration [s].
+
+    Returns
+    -------
+    ndarray, shape (jobs, 5, n)
+        x1, v1, x2, v2 (true states) or x1, x2, v1, v2 (readings), and u.
+    """
+    shaped = controller.shape(xr)
+    jobs, n = len(drives), len(shaped)
+    factor = np.ascontiguousarray(np.broadcast_to(np.asarray(gains, dtype=np.float64), (jobs,)))
+    held = np.ascontiguousarray(np.broadcast_to(np.asarray(late, dtype=np.int64), (jobs,)))
+    pushed = np.ascontiguousarray(np.broadcast_to(np.asarray(disturbance, dtype=np.float64), (n,)))
+    out, law = np.empty((jobs, 5, n)), controller.law()
+    plans: dict[tuple[int, bool], list[int]] = {}
+    for j, drive in enumerate(drives):
+        steps = parameters.substeps(drive.values, controller.sample_time, physics_step)
+        plans.setdefault((steps, parameters.workspace(drive.values) is None), []).append(j)
+    for (steps, _base), chosen in plans.items():
+        part = np.empty((len(chosen), 5, n))
+        loop.run_linear(
+            shaped,
+            law,
+            controller.order,
+            factor[chosen],
+            held[chosen],
+            pushed,
+            int(true_states),
+            controller.sample_time,
+            steps,
+            np.array(start, dtype=np.float64),
+            np.zeros(WORK_SPACE),
+            np.zeros(2 * controller.order + 1),
+            np.zeros(int(held.max(initial=0)) + 1),
+            parameters.workspace(drives[chosen[0]].values),
+            np.array([drives[j].vector() for j in chosen]),
+            part,
+        )
+        out[chosen] = part
+    return out

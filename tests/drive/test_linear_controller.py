@@ -1,0 +1,128 @@
+"""A linear controller is one thing: called in Python, compiled, batched."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from flexdrive_gym import Covariance, Drive, LinearController, PControl
+from flexdrive_gym.drive.linear_controller import run_batch
+from flexdrive_gym.references import handout_trajectory
+from tests.drive.drives import FRICTIONLESS, RIG
+
+T = np.arange(2001) * 1e-3
+XR = handout_trajectory(T)
+RIG_DRIVE = Drive({**RIG, "saturation.limit": 8.0})
+
+
+def proportional(gain, **more):
+    D = np.array([[gain, 0.0, -gain], [0.0, 0.0, 0.0]])
+    return LinearController(np.zeros((0, 0)), np.zeros((0, 3)), np.zeros((2, 0)), D, **more)
+
+
+def dynamic(**more):
+    """Two states, both readings, friction compensation, anti-windup, shaped reference."""
+    return LinearController(
+        A=np.array([[0.97, 0.0], [0.01, 1.0]]),
+        B=np.array([[0.03, -0.02, -0.01], [0.0, 0.0, 0.0]]),
+        C=np.array([[0.05, 0.2], [30.0, 0.0]]),
+        D=np.array([[0.2, -0.1, -0.1], [10.0, -10.0, 0.0]]),
+        L=np.array([0.0, 0.02]),
+        **{"limit": 2.0, "friction": 0.3, "threshold": 8.0, "shaper": ((0, 0.6), (37, 0.4)), **more},
+    )
+
+
+@dataclass
+class Called:
+    """Hides what a controller is, so that it is called sample by sample."""
+
+    inner: object
+
+    def reset(self):
+        self.inner.reset()
+
+    def __call__(self, observation):
+        return self.inner(observation)
+
+
+def test_static_gain_is_p_control():
+    ours = RIG_DRIVE.simulate_closed_loop(T, XR, proportional(0.1))
+    theirs = RIG_DRIVE.simulate_closed_loop(T, XR, PControl(0.1))
+    assert np.max(np.abs(ours.x2 - theirs.x2)) < 1e-9
+
+
+def test_called_and_compiled_agree():
+    compiled = RIG_DRIVE.simulate_closed_loop(T, XR, dynamic())
+    called = RIG_DRIVE.simulate_closed_loop(T, XR, Called(dynamic()))
+    assert np.max(np.abs(compiled.u)) == pytest.approx(2.0)  # the limit is reached, so anti-windup acts
+    assert np.max(np.abs(compiled.u - called.u)) < 1e-9
+    assert np.max(np.abs(compiled.x2 - called.x2)) < 1e-9
+
+
+def test_reset_forgets():
+    controller = dynamic()
+    first = RIG_DRIVE.simulate_closed_loop(T, XR, Called(controller))
+    again = RIG_DRIVE.simulate_closed_loop(T, XR, Called(controller))
+    assert np.array_equal(first.u, again.u)
+
+
+def test_batch_is_what_single_runs_are():
+    drives = [RIG_DRIVE, RIG_DRIVE.replace({"m2": 4e-4}), RIG_DRIVE.replace({"input_delay.tau": 0.0034})]
+    out = run_batch(drives, XR, dynamic(), true_states=False)
+    for drive, run in zip(drives, out, strict=True):
+        single = drive.simulate_closed_loop(T, XR, dynamic())
+        assert np.array_equal(run[1], single.x2)
+        assert np.array_equal(run[4], single.u)
+
+
+def test_held_back_command_is_an_input_delay():
+    delayed = RIG_DRIVE.replace({"input_delay.tau": 0.005})
+    a = run_batch([RIG_DRIVE], XR, proportional(0.05), late=5)[0]
+    b = run_batch([delayed], XR, proportional(0.05))[0]
+    assert np.max(np.abs(a[2] - b[2])) < 1e-9
+
+
+def test_factor_is_a_larger_gain():
+    drive = Drive(FRICTIONLESS)
+    a = run_batch([drive], XR, proportional(0.05), gains=2.0)[0]
+    b = run_batch([drive], XR, proportional(0.1))[0]
+    assert np.max(np.abs(a[2] - b[2])) < 1e-9
+
+
+def test_disturbance_is_balanced_by_a_proportional_loop():
+    long = np.zeros(8000)
+    out = run_batch([Drive(FRICTIONLESS)], long, proportional(0.05), disturbance=0.5)[0]
+    assert out[2, -1] == pytest.approx(0.5 / 0.05, rel=1e-4)  # u = -d at rest
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"A": np.zeros((2, 3))}, "A: must be finite and of shape"),
+        ({"C": np.full((2, 2), np.nan)}, "C: must be finite"),
+        ({"L": np.zeros(3)}, "L: must be finite and of shape"),
+        ({"limit": 0.0}, "limit: must be positive"),
+        ({"shaper": ((-1, 1.0),)}, "shaper: must be pairs"),
+    ],
+)
+def test_wrong_controllers_are_refused(changes, text):
+    with pytest.raises(ValueError, match=text):
+        dynamic().replace(**changes)
+
+
+def test_drawn_drives_have_the_identified_spread():
+    names = ("m1", "k")
+    matrix = np.array([[1e-10, 2e-8], [2e-8, 1.6e-5]])
+    drive = Drive(RIG, covariance=Covariance(names, matrix))
+    drawn = drive.draw(np.random.default_rng(3), 4000)
+    values = np.array([[d[n] for n in names] for d in drawn])
+    assert values.mean(axis=0) == pytest.approx([RIG["m1"], RIG["k"]], rel=5e-3)
+    assert np.cov(values.T) == pytest.approx(matrix, rel=0.1)
+    assert drawn[0]["m2"] == RIG["m2"]
+    again = drive.draw(np.random.default_rng(3), 2)
+    assert [d["k"] for d in again] == [d["k"] for d in drive.draw(np.random.default_rng(3), 2)]
+
+
+def test_a_drive_without_covariance_cannot_be_drawn():
+    with pytest.raises(ValueError, match=r"covariance: drawing needs .* --method ml"):
+        Drive(RIG).draw(np.random.default_rng(0), 1)
