@@ -100,7 +100,9 @@ def prepare(recording: Recording) -> Run:
         counts = (recording.quantum[i] / h) ** 2 / 6.0 / width
         repeated = run_variance(x, keep[i], period_samples(recording), width)
         floor.append(max(counts, repeated if np.isfinite(repeated) else 0.0))
-    return Run(recording.name, u, h, v, keep, start, recording.velocity_cutoff or 0.0, floor, _track(recording, v, keep))
+    return Run(
+        recording.name, u, h, v, keep, start, recording.velocity_cutoff or 0.0, floor, _track(recording, v, keep)
+    )
 
 
 def _track(recording: Recording, v: Sequence[FloatArray], keep: Sequence[BoolArray]) -> FloatArray:

@@ -14,7 +14,9 @@ from math import isfinite
 from flexdrive_gym.drive.effects import EFFECTS, LAYOUT, Effect, Parameter
 
 # part of every baseline, or of the measurement rather than of the rig
-_NOT_LEFT_OUT = frozenset({"viscous_friction", "coulomb_friction", "spring", "encoder_quantisation", "velocity_processing"})
+_NOT_LEFT_OUT = frozenset(
+    {"viscous_friction", "coulomb_friction", "spring", "encoder_quantisation", "velocity_processing"}
+)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,8 @@ missing physics far more than white noise does. *Null draws* simulate the presen
 with :math:`a_r` one number per run, :math:`w_c` an Ornstein-Uhlenbeck process, :math:`h_c` one random profile of the track that
 every run meets from its own starting place, and :math:`n_c` band-limited noise and the slope of the track, which has such a
 profile too. Gains are shares, so only the mixture matters;
-it is drawn anew for every draw: the spread between runs about what these recordings show, the rest over the range seen on two rigs. The gain of every candidate in every draw, relative to
+it is drawn anew for every draw: the spread between runs about what these recordings show, the rest over the range seen on two
+rigs. The gain of every candidate in every draw, relative to
 what that candidate usually reaches by chance, has a maximum over the catalogue; the share of draws in which it exceeds the
 observed one is the false-alarm probability of a search over everything (P. H. Westfall, S. S. Young, Resampling-based
 multiple testing, 1993).
@@ -79,9 +80,7 @@ def null_residuals(
     return bench.comparable(bench.pushed(values, forces, 1.0))
 
 
-def chance(
-    bench: Workbench, screened: Sequence[Screened], null: FloatArray, present: FloatArray
-) -> Chance:
+def chance(bench: Workbench, screened: Sequence[Screened], null: FloatArray, present: FloatArray) -> Chance:
     """Return what every candidate explains of null residuals."""
     e = null - present @ (present.T @ null)
     total = np.maximum(np.sum(e**2, axis=0), 1e-300)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 import time
-from dataclasses import dataclass
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -145,7 +145,10 @@ class _Diagnosing:
 
     def shapes(self, values: Mapping[str, float]) -> dict[str, tuple[float, ...]]:
         most = max(float(np.max(np.abs(r.u))) for r in self.split.learn)
-        return {**periods(self.forces(values, self.split.learn)), "saturation.limit": (0.97 * most, 0.88 * most, 0.75 * most)}
+        return {
+            **periods(self.forces(values, self.split.learn)),
+            "saturation.limit": (0.97 * most, 0.88 * most, 0.75 * most),
+        }
 
     def result(self, begin: float) -> Diagnosis:
         split, say = self.split, self.say
@@ -153,9 +156,7 @@ class _Diagnosing:
         say("estimating the missing forces")
         forces = self.forces(free, split.learn)
         maps = draw_maps(forces)
-        found = search(
-            self.bench, free, self.carts, self.rng, drive_level=self.level, shapes=self.shapes, say=say
-        )
+        found = search(self.bench, free, self.carts, self.rng, drive_level=self.level, shapes=self.shapes, say=say)
         shape, alike = self.unnamed(found)
         say("proving on recordings kept away")
         proofs, before_values, after_values = self.proven(found)
@@ -192,6 +193,7 @@ class _Diagnosing:
             forces=tuple(forces),
             remaining=tuple(draw_maps(self.forces(after_values, split.learn))),
             friction_spread=self.bench.spread.get("friction", 0.0),
+            extra={"rivals": _rivals([p.step for p in proofs])},
         )
 
     def unnamed(self, found: Search) -> tuple[Shape | None, list[tuple[str, float]]]:
@@ -274,13 +276,18 @@ class _Diagnosing:
         gain = np.where(c.log, [values[n] for n in names], c.scale)
         quantile = float(student.ppf(0.975, max(len(runs) - 1, 1)))
         spread = quantile * np.sqrt(np.diag(covariance))
-        intervals = {n: _interval(n, values[n], s, g, log=bool(on)) for n, s, g, on in zip(names, spread, gain, c.log, strict=True)}
+        intervals = {
+            n: _interval(n, values[n], s, g, log=bool(on))
+            for n, s, g, on in zip(names, spread, gain, c.log, strict=True)
+        }
         rig = {k: v for k, v in rig_parameters(self.runs).items() if k not in values}
         return Drive(
             {**rig, **values},
             intervals,
             Covariance(tuple(names), covariance * np.outer(gain, gain)),
-            Provenance("diagnosis", tuple(r.name for r in runs), __version__, "; ".join(s.rival.name[0] for s in steps)),
+            Provenance(
+                "diagnosis", tuple(r.name for r in runs), __version__, "; ".join(s.rival.name[0] for s in steps)
+            ),
             name="diagnosed drive",
         )
 
@@ -290,9 +297,10 @@ class _Diagnosing:
             step = proof.step
             keys = [k for k in step.rival.candidate.keys if k in step.rival.fit.names]
             parameters = {
-                short(k): Estimate(drive[k], drive.intervals.get(k, (float("nan"), float("nan"))), unit_of(k)) for k in keys
+                short(k): Estimate(drive[k], drive.intervals.get(k, (float("nan"), float("nan"))), unit_of(k))
+                for k in keys
             }
-            ties = tuple(Named(*t) for t in step.ties)
+            ties = tuple(Named(*t.name) for t in step.ties)
             id_, where = step.rival.name
             result.append(
                 Finding(
@@ -323,6 +331,17 @@ class _Diagnosing:
         if self.bench.spread:
             notes.append(f"friction differs from run to run by about {self.bench.spread['friction']:.0%}")
         return tuple(notes)
+
+
+def _rivals(steps: Sequence[Step]) -> dict[str, list[dict[str, Any]]]:
+    """Return, per finding, the drives that explain the recordings as well: the finding's own and its ties'."""
+    return {
+        "@".join(step.rival.name): [
+            {"id": r.name[0], "where": r.name[1], "values": dict(r.fit.values)} for r in (step.rival, *step.ties)
+        ]
+        for step in steps
+        if step.ties
+    }
 
 
 def _between_runs(bench: Workbench, J: FloatArray, e: FloatArray) -> FloatArray:
@@ -360,6 +379,3 @@ def _verdict(findings: Sequence[Finding], unnamed: Unnamed | None, proof: tuple[
         return "no_mismatch" if unnamed is None else "unexplained"
     near = not np.isfinite(proof[2]) or proof[1] < _NEAR_FLOOR * proof[2]
     return "explained" if unnamed is None and near else "partly_explained"
-
-
-

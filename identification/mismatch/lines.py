@@ -88,4 +88,9 @@ def strongest_line(bench: Workbench, residual: FloatArray, commands: Sequence[fl
     if probability > _LEAST:
         return None
     mean = total[:, best] / np.maximum(count[:, best], 1.0)
-    return Line(float(grid[best]), f"cart_{1 + int(np.argmax(mean))}", float(max(within[best], 0.0) / max(everything, 1e-300)), probability)
+    return Line(
+        float(grid[best]),
+        f"cart_{1 + int(np.argmax(mean))}",
+        float(max(within[best], 0.0) / max(everything, 1e-300)),
+        probability,
+    )

@@ -2,8 +2,8 @@ r"""The missing force on each cart: what would have to be added to the drive's e
 
 The linear drive between two friction directions is :math:`M\ddot q + B\dot q + Kq = E(u, 0)^T - D\,s + g`, with the
 directions :math:`s_i` read off the measured velocities. The missing forces :math:`g_1, g_2` [V] are states that wander
-slowly, :math:`\tau \dot g = -g + w`; a Kalman filter and the Rauch-Tung-Striebel smoother estimate them with their band from the encoder counts (T. J.
-Rogers, T. Friis, A latent restoring force approach to nonlinear system identification, MSSP 180, 2022; H. E. Rauch, F.
+slowly, :math:`\tau \dot g = -g + w`; a Kalman filter and the Rauch-Tung-Striebel smoother estimate them with their band from the
+encoder counts (T. J. Rogers, T. Friis, A latent restoring force approach to nonlinear system identification, MSSP 180, 2022; H. E. Rauch, F.
 Tung, C. T. Striebel, AIAA J. 3, 1965). After a stretch of faulty counts an encoder may be off by what it lost, so its offset
 is a state too, free to jump there.
 
@@ -69,7 +69,19 @@ class MissingForce:
 
 @kernel
 def _smooth(
-    A: Any, B: Any, U: Any, Y: Any, seen: Any, jump: Any, Q: Any, loose: Any, R: float, x0: Any, P0: Any, mean: Any, var: Any
+    A: Any,
+    B: Any,
+    U: Any,
+    Y: Any,
+    seen: Any,
+    jump: Any,
+    Q: Any,
+    loose: Any,
+    R: float,
+    x0: Any,
+    P0: Any,
+    mean: Any,
+    var: Any,
 ) -> None:
     """Kalman filter forward, Rauch-Tung-Striebel backward; position i is measured with offset state n - carts + i."""
     steps, carts = Y.shape
@@ -162,7 +174,11 @@ def missing_force(values: Mapping[str, float], recording: Recording) -> MissingF
     Q += np.diag(np.concatenate([np.full(n - carts, 0.0), np.full(carts, 1e-12)]))
     quantum = np.array([max(q, 1e-4) for q in recording.quantum[:carts]])
     x0 = np.concatenate([Y[:, 0], speed[:, 0], np.zeros(2 * carts)])
-    P0 = np.diag(np.concatenate([[1e-6], np.full(carts - 1, 25.0), np.full(carts, 25.0), np.full(carts, 1.0), np.full(carts, 1e-9)]))
+    P0 = np.diag(
+        np.concatenate(
+            [[1e-6], np.full(carts - 1, 25.0), np.full(carts, 25.0), np.full(carts, 1.0), np.full(carts, 1e-9)]
+        )
+    )
     if two:
         # at rest the spring may be deflected within the friction of cart 2; encoders start at zero all the same
         P0[n - 1, n - 1] = 25.0
@@ -183,9 +199,14 @@ def missing_force(values: Mapping[str, float], recording: Recording) -> MissingF
         var,
     )
     settle = max(1, round(_SETTLE_S / h))
-    near = binary_dilation(~seen, np.ones((2 * settle + 1, 1), dtype=bool))
+    near: BoolArray = np.asarray(binary_dilation(~seen, np.ones((2 * settle + 1, 1), dtype=bool)))
     v = mean[:, carts : 2 * carts].T
-    rest = np.array([binary_dilation(np.abs(row) < _RESTING, np.ones(2 * max(1, round(_SMOOTH_S / h)) + 1, dtype=bool)) for row in v])
+    rest = np.array(
+        [
+            binary_dilation(np.abs(row) < _RESTING, np.ones(2 * max(1, round(_SMOOTH_S / h)) + 1, dtype=bool))
+            for row in v
+        ]
+    )
     usable = ~near.any(axis=1)[None, :] & ~rest
     usable[:, :settle] = False
     usable[:, -settle:] = False

@@ -63,7 +63,7 @@ class Coordinates:
     def of(self, values: Mapping[str, float]) -> FloatArray:
         """Return the coordinates of a drive."""
         x = np.array([values.get(n, parameter(n).null) for n in self.names])
-        return np.where(self.log, np.log(np.maximum(x, 1e-300)), x / self.scale)
+        return np.asarray(np.where(self.log, np.log(np.maximum(x, 1e-300)), x / self.scale))
 
     def to(self, z: FloatArray, values: Mapping[str, float]) -> dict[str, float]:
         """Return the drive at coordinates z."""

@@ -10,6 +10,7 @@ import numpy as np
 from flexdrive_gym.drive.effects import EFFECTS, LAYOUT
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.candidates import Candidate, bounds, catalogue
+from identification.mismatch.chance import Chance, chance, null_residuals
 from identification.mismatch.refit import (
     BASE_ONE,
     BASE_TWO,
@@ -19,7 +20,6 @@ from identification.mismatch.refit import (
     sensitivities,
     with_fresh_jacobian,
 )
-from identification.mismatch.chance import Chance, chance, null_residuals
 from identification.mismatch.screening import Screened, orthonormal, screen
 from identification.mismatch.shapes import Shape, free_shapes
 from identification.mismatch.workbench import FRICTION, OFFSET, Workbench
@@ -28,7 +28,7 @@ Progress = Callable[[str], None]
 # a finding must be rarer than this by chance, and explain at least this share of the remaining squared error
 LEVEL, LEAST_GAIN = 0.01, 0.03
 # rivals closer than this in gain, or not plainly worse in the paired recordings, are ties
-TIE_LEVEL, TIE_GAIN = 0.05, 0.85
+TIE_LEVEL, TIE_GAIN = 0.05, 0.98
 # friction along the track whose rms is below this share of the drive is the roughness that every rig has
 ROUGHNESS = 0.012
 WAY_MM = 100.0
@@ -124,7 +124,7 @@ class Step:
     """
 
     rival: Rival
-    ties: tuple[tuple[str, str], ...]
+    ties: tuple[Rival, ...]
     probability: float
     rms_before: float
     rms_after: float
@@ -209,7 +209,7 @@ def search(
         before = rms(bench, model.values)
         bench.offsets = best.offsets
         model = settle(bench, best.fit.values, best.fit.names)
-        ties = () if rough else tuple(r.name for r in now.rivals if r is not best and _ties(r, best))
+        ties = () if rough else tuple(r for r in now.rivals if r is not best and _ties(r, best))
         steps.append(Step(best, ties[:3], best.probability, before, rms(bench, model.values), rough))
         say(f"{'rough track' if rough else 'found'}: {best.name[0]} at {best.name[1]}")
     if len(stages) > 1:
@@ -234,6 +234,10 @@ def _choose(now: Stage, drive_level: float) -> Rival | None:
     if not now.rivals:
         return None
     best = now.rivals[0] if _passes(now.rivals[0]) else None
+    if best is not None:
+        # of what cannot be told apart, the explanation with the fewest numbers
+        equals = [r for r in now.rivals if _passes(r) and (r is best or _ties(r, best))]
+        best = min(equals, key=lambda r: (len(r.fit.names), r.fit.cost))
     track = [r for r in now.rivals if r.candidate.id == "position_friction" and r.gain >= TRACK_GAIN]
     along = max(track, key=lambda r: r.gain, default=None)
     if along is None or (best is not None and best.gain > 0.7 * along.gain):
@@ -244,7 +248,9 @@ def _choose(now: Stage, drive_level: float) -> Rival | None:
 
 
 def _ties(rival: Rival, best: Rival) -> bool:
-    return rival.gain > 0.5 * best.gain and (rival.behind > TIE_LEVEL or rival.gain > (1.0 - 0.02) * best.gain)
+    if rival.gain <= 0.5 * best.gain or rival.probability > TIE_LEVEL:
+        return False
+    return rival.behind > TIE_LEVEL or rival.gain > TIE_GAIN * best.gain
 
 
 def along_track(values: Mapping[str, float], where: str) -> float:
@@ -295,7 +301,9 @@ def stage(
     present = orthonormal(model.jacobian)
     e = model.residual - present @ (present.T @ model.residual)
     columns = directions(bench, candidates, model.values, raw)
-    screened = list(bench.pool.map(lambda pair: screen(bench, pair[0], pair[1], e, present), zip(candidates, columns, strict=True)))
+    screened = list(
+        bench.pool.map(lambda pair: screen(bench, pair[0], pair[1], e, present), zip(candidates, columns, strict=True))
+    )
     null = null_residuals(bench, model.values, rng)
     luck = chance(bench, screened, null, present)
     leaders = best_of_each(screened)
@@ -349,7 +357,9 @@ def _rival(bench: Workbench, model: Fit, s: Screened, raw: FloatArray) -> Rival:
     fit = refit(bench, start, (*model.names, *keys), iterations=6, fresh=keys, known=(model.names, model.jacobian))
     if c.period is not None:
         keys = _align(bench, model, c, dict(fit.values), raw)
-        again = refit(bench, fit.values, (*model.names, *keys), iterations=3, fresh=keys, known=(model.names, model.jacobian))
+        again = refit(
+            bench, fit.values, (*model.names, *keys), iterations=3, fresh=keys, known=(model.names, model.jacobian)
+        )
         fit = min(fit, again, key=lambda f: f.cost)
     offsets, bench.offsets = bench.offsets, here
     return Rival(s, fit, offsets, 1.0 - fit.cost / model.cost)

@@ -90,8 +90,7 @@ def free_shapes(bench: Workbench, model: Fit) -> list[Shape]:
     for cart, _, values, sign in families:
         knots = _knots(values)
         sizes.append(knots)
-        for k in range(len(knots)):
-            pushes.append(partial(_forces, cart, k, knots, values, sign))
+        pushes += [partial(_forces, cart, k, knots, values, sign) for k in range(len(knots))]
     columns = bench.comparable(bench.pushed(model.values, pushes, _SIZE_V))
     shapes, begin = [], 0
     for (cart, name, _, _), knots in zip(families, sizes, strict=True):
@@ -113,8 +112,9 @@ def likeness(shape: Shape, screened: Sequence[Screened]) -> list[tuple[str, floa
 
 
 def _motion(model: Fit, run: Run) -> _Motion:
-    v = np.array(simulate_run(model.values, run))
-    return _Motion(np.arange(len(run.u)) * run.sample_time, run.u, v)
+    v: FloatArray = np.array(simulate_run(model.values, run))
+    t: FloatArray = np.arange(len(run.u), dtype=np.float64) * run.sample_time
+    return _Motion(t, run.u, v)
 
 
 def _families(forces: Sequence[_Motion], cart: int) -> list[tuple[int, str, list[FloatArray], list[FloatArray]]]:
@@ -126,7 +126,12 @@ def _families(forces: Sequence[_Motion], cart: int) -> list[tuple[int, str, list
         (cart, "u", [f.u for f in forces], ones),
         (cart, "friction against |u|", [np.abs(f.u) for f in forces], direction),
         (cart, "friction against time", [f.t for f in forces], direction),
-        (cart, "friction against the time since a reversal", [_since_reversal(f.t, f.v[cart]) for f in forces], direction),
+        (
+            cart,
+            "friction against the time since a reversal",
+            [_since_reversal(f.t, f.v[cart]) for f in forces],
+            direction,
+        ),
     ]
     if len(forces[0].v) == 2:
         other = 1 - cart
@@ -180,9 +185,16 @@ def _judge(
     band = np.sqrt(np.maximum(np.diag(inverse @ (scores.T @ scores) @ inverse), 0.0))
     gain = float(amounts @ amounts / (e @ e))
     candidate = Candidate(f"shape of {name}", where, (), ())
-    return Shape(where, name, knots, force, band, gain, _predicted(bench, beyond, e), Screened(candidate, gain, tuple(amounts), 0.0, basis))
-
-
+    return Shape(
+        where,
+        name,
+        knots,
+        np.asarray(force, dtype=np.float64),
+        band,
+        gain,
+        _predicted(bench, beyond, e),
+        Screened(candidate, gain, tuple(amounts), 0.0, basis),
+    )
 
 
 def _predicted(bench: Workbench, beyond: FloatArray, e: FloatArray) -> float:

@@ -158,7 +158,7 @@ class Diagnosis:
 
     def as_json(self, drive: str = "drive.toml") -> dict[str, Any]:
         """Return the object of ``diagnosis.json``; not-a-number becomes null."""
-        return _clean(
+        plain: dict[str, Any] = _clean(
             {
                 "schema": SCHEMA,
                 "verdict": self.verdict,
@@ -182,7 +182,9 @@ class Diagnosis:
                 "baseline": {
                     "handout_tied_rms": self.handout_tied_rms,
                     "free_rms": self.free_rms,
-                    "ratios": {n: {"value": q.value, "ci95": list(q.ci95) if q.ci95 else None} for n, q in self.ratios.items()},
+                    "ratios": {
+                        n: {"value": q.value, "ci95": list(q.ci95) if q.ci95 else None} for n, q in self.ratios.items()
+                    },
                 },
                 "fit": {
                     "before_rms": self.before_rms,
@@ -199,12 +201,12 @@ class Diagnosis:
                 "seconds": self.seconds,
             }
         )
+        return plain
 
     def __str__(self) -> str:
         lines = [
             f"verdict: {self.verdict.replace('_', ' ')}",
-            f"rms on recordings kept away: {self.before_rms:.3g} -> {self.after_rms:.3g} {self.unit} "
-            f"(floor {self.floor_rms:.3g})",
+            f"rms kept away: {self.before_rms:.3g} -> {self.after_rms:.3g} {self.unit}, floor {self.floor_rms:.3g}",
         ]
         lines += [f.statement for f in self.findings]
         if self.unnamed is not None:
@@ -248,7 +250,7 @@ def statement(
     """Return the finding's plain sentence: what, where, how big, how sure, what it explains."""
     sizes = ", ".join(f"{n} = {e}" for n, e in parameters.items())
     text = (
-        f"{_phrase(id_)} at {where.replace('_', ' ')}: {sizes}; explains {share:.0%} of the squared error that remains without it, "
+        f"{_phrase(id_)} at {where.replace('_', ' ')}: {sizes}; explains {share:.0%} of the squared error left without it, "
         f"false-alarm probability {probability:.2g}"
     )
     if ties:

@@ -71,9 +71,7 @@ def _rows(runs: Sequence[Run]) -> Rows:
             cart.append(np.full(len(edges), c))
             time.append(edges * run.sample_time)
         starts.append(starts[-1] + len(run.keep) * len(edges))
-    return Rows(
-        tuple(starts), tuple(blocks), np.concatenate(valid), np.concatenate(cart), np.concatenate(time)
-    )
+    return Rows(tuple(starts), tuple(blocks), np.concatenate(valid), np.concatenate(cart), np.concatenate(time))
 
 
 @dataclass(frozen=True)
@@ -149,7 +147,11 @@ class Workbench:
             Force [V] at which the change is taken.
         """
         here = np.concatenate(
-            list(self.pool.map(lambda r: self.blocks(values, r, np.zeros((2, len(self.runs[r].u)))), range(len(self.runs))))
+            list(
+                self.pool.map(
+                    lambda r: self.blocks(values, r, np.zeros((2, len(self.runs[r].u)))), range(len(self.runs))
+                )
+            )
         )
 
         def one(make: Callable[[], Sequence[FloatArray]]) -> FloatArray:
@@ -194,7 +196,7 @@ class Workbench:
         lags[0] *= 1.0 + 1e-6
         a = solve_toeplitz(lags[:-1], lags[1:])
         gain = np.sqrt(max(1.0 - float(a @ lags[1:]) / lags[0], 1e-6))
-        return np.concatenate(([1.0], -a)) / gain
+        return np.asarray(np.concatenate(([1.0], -a)) / gain)
 
     def whitened(self, x: FloatArray) -> FloatArray:
         """Weight and whiten residuals or sensitivities, shape (N,) or (N, k)."""
@@ -205,7 +207,7 @@ class Workbench:
                 piece = self.piece(r, c)
                 if len(self.filters[c]) > 1:
                     y[piece] = lfilter(self.filters[c], [1.0], y[piece], axis=0) * self.rows.valid[piece][:, None]
-        return y[:, 0] if single else y
+        return np.asarray(y[:, 0] if single else y)
 
     def set_random_effects(self, directions: FloatArray, residual: FloatArray, priors: Sequence[Prior]) -> None:
         """Let the runs differ along the given whitened directions; estimate by how much.
