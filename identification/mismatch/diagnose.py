@@ -51,8 +51,8 @@ _SHAPE_GAIN, _SHAPE_LEAD = 0.12, 1.6
 _LINE_SHARE = 0.05
 # a fit this near to the floor leaves nothing to explain
 _NEAR_FLOOR = 1.25
-# a finding must cut the squared error on recordings kept away by this share
-_LEAST_PROOF = 0.01
+# a finding must cut the squared error by this share
+_LEAST_PROOF = 0.02
 
 
 def diagnose(
@@ -112,8 +112,8 @@ class _Proof:
 
     @property
     def gain(self) -> float:
-        """Share of the squared error on recordings kept away."""
-        return 1.0 - (self.after / self.before) ** 2
+        """Share of the squared error it removes, in recordings kept away or learnt from, whichever is less."""
+        return min(1.0 - (self.after / self.before) ** 2, self.share)
 
 
 class _Diagnosing:
@@ -300,7 +300,8 @@ class _Diagnosing:
                 short(k): Estimate(drive[k], drive.intervals.get(k, (float("nan"), float("nan"))), unit_of(k))
                 for k in keys
             }
-            ties = tuple(Named(*t.name) for t in step.ties)
+            # what is itself a finding is no other explanation
+            ties = tuple(Named(*t.name) for t in step.ties if t.name not in {p.step.rival.name for p in proofs})
             id_, where = step.rival.name
             result.append(
                 Finding(
