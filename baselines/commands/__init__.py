@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from baselines.commands import demo, experiment, identify, report, stability, validate
+from baselines.commands import demo, diagnose, experiment, identify, report, stability, validate
 from flexdrive_gym.version import __version__
 
 app = typer.Typer(
@@ -18,7 +18,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for _module in (demo, identify, validate, stability, experiment, report):
+for _module in (demo, identify, validate, stability, experiment, diagnose, report):
     app.command()(getattr(_module, _module.__name__.rsplit(".", 1)[-1]))
 
 

@@ -40,7 +40,13 @@ def build_report(recordings: Sequence[Recording], *, title: str, progress: Progr
         parts.stability(found),
     ]
     progress("page")
-    return render(title, _subtitle(found), _summary(found), sections, f"Made by flexdrive {__version__}.")
+    return render(
+        title=title,
+        subtitle=_subtitle(found),
+        summary=_summary(found),
+        sections=sections,
+        footer=f"Made by flexdrive {__version__}.",
+    )
 
 
 def _subtitle(found: Findings) -> str:

@@ -69,7 +69,19 @@ class MissingForce:
 
 @kernel
 def _smooth(
-    A: Any, B: Any, U: Any, Y: Any, seen: Any, jump: Any, Q: Any, loose: Any, R: float, x0: Any, P0: Any, mean: Any, var: Any
+    A: Any,
+    B: Any,
+    U: Any,
+    Y: Any,
+    seen: Any,
+    jump: Any,
+    Q: Any,
+    loose: Any,
+    R: float,
+    x0: Any,
+    P0: Any,
+    mean: Any,
+    var: Any,
 ) -> None:
     """Kalman filter forward, Rauch-Tung-Striebel backward; position i is measured with offset state n - carts + i."""
     steps, carts = Y.shape
@@ -162,7 +174,11 @@ def missing_force(values: Mapping[str, float], recording: Recording) -> MissingF
     Q += np.diag(np.concatenate([np.full(n - carts, 0.0), np.full(carts, 1e-12)]))
     quantum = np.array([max(q, 1e-4) for q in recording.quantum[:carts]])
     x0 = np.concatenate([Y[:, 0], speed[:, 0], np.zeros(2 * carts)])
-    P0 = np.diag(np.concatenate([[1e-6], np.full(carts - 1, 25.0), np.full(carts, 25.0), np.full(carts, 1.0), np.full(carts, 1e-9)]))
+    P0 = np.diag(
+        np.concatenate(
+            [[1e-6], np.full(carts - 1, 25.0), np.full(carts, 25.0), np.full(carts, 1.0), np.full(carts, 1e-9)]
+        )
+    )
     if two:
         # at rest the spring may be deflected within the friction of cart 2; encoders start at zero all the same
         P0[n - 1, n - 1] = 25.0
@@ -185,7 +201,12 @@ def missing_force(values: Mapping[str, float], recording: Recording) -> MissingF
     settle = max(1, round(_SETTLE_S / h))
     near = binary_dilation(~seen, np.ones((2 * settle + 1, 1), dtype=bool))
     v = mean[:, carts : 2 * carts].T
-    rest = np.array([binary_dilation(np.abs(row) < _RESTING, np.ones(2 * max(1, round(_SMOOTH_S / h)) + 1, dtype=bool)) for row in v])
+    rest = np.array(
+        [
+            binary_dilation(np.abs(row) < _RESTING, np.ones(2 * max(1, round(_SMOOTH_S / h)) + 1, dtype=bool))
+            for row in v
+        ]
+    )
     usable = ~near.any(axis=1)[None, :] & ~rest
     usable[:, :settle] = False
     usable[:, -settle:] = False

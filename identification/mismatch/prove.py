@@ -39,7 +39,9 @@ def polished(bench: Workbench, values: Mapping[str, float], names: Sequence[str]
 def period_of(values: Mapping[str, float]) -> float:
     """Return the shortest spatial period among the effects that are present [mm]; 0 where nothing repeats."""
     found = [
-        v for k, v in values.items() if k.endswith(".P") and any(values.get(k[:-1] + a, 0.0) for a in ("a_sin", "a_cos"))
+        v
+        for k, v in values.items()
+        if k.endswith(".P") and any(values.get(k[:-1] + a, 0.0) for a in ("a_sin", "a_cos"))
     ]
     return min(found, default=0.0)
 
@@ -85,7 +87,13 @@ def velocity_fits(
         run = prepare(recording)
         run.track[:] += offset
         rms = [
-            float(np.sqrt(np.mean(np.concatenate([(m - s)[k] for m, s, k in zip(run.measured, sim, run.keep, strict=True)]) ** 2)))
+            float(
+                np.sqrt(
+                    np.mean(
+                        np.concatenate([(m - s)[k] for m, s, k in zip(run.measured, sim, run.keep, strict=True)]) ** 2
+                    )
+                )
+            )
             for sim in (simulate_run(before, run), simulate_run(after, run))
         ]
         own = [f for f in floors.get(recording.name, []) if np.isfinite(f)]

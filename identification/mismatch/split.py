@@ -55,9 +55,7 @@ def split_recordings(recordings: Sequence[Recording]) -> Split:
     if len(free) >= _FEWEST:
         kept |= _sines([r for r in free if r.excitation.kind == "sine"])
         kept |= _squares([r for r in free if r.excitation.kind == "square"])
-    return Split(
-        tuple(r for r in free if r.name not in kept), tuple(r for r in free if r.name in kept), tuple(loops)
-    )
+    return Split(tuple(r for r in free if r.name not in kept), tuple(r for r in free if r.name in kept), tuple(loops))
 
 
 def _sines(sines: Sequence[Recording]) -> set[str]:

@@ -108,12 +108,21 @@ class RecordingFit:
 
 @dataclass(frozen=True)
 class Prediction:
-    """A figure that the naming changed, and what the rig did where it is known."""
+    """A figure that the naming changed, and what the rig did where it is known.
+
+    Attributes
+    ----------
+    before, after
+        Of the free fit and of the diagnosed drive [unit]; ``None`` where there is no such figure.
+    measured
+        What the recordings say of it, in words; empty where they say nothing.
+    """
 
     name: str
     before: float | None
     after: float | None
     unit: str
+    measured: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +133,9 @@ class Diagnosis:
     ----------
     drive, free
         The diagnosed drive, and the free fit without named physics.
+    learnt
+        The diagnosed drive fitted to the recordings learnt from alone, which held-out figures are about; ``None`` where it
+        was not kept.
     notes
         Sentences a reader should see.
     maps, harmonics, forces, remaining
@@ -155,10 +167,11 @@ class Diagnosis:
     friction_spread: float = 0.0
     unit: str = "mm/s"
     extra: Mapping[str, Any] = field(default_factory=dict)
+    learnt: Drive | None = None
 
     def as_json(self, drive: str = "drive.toml") -> dict[str, Any]:
         """Return the object of ``diagnosis.json``; not-a-number becomes null."""
-        return _clean(
+        content: dict[str, Any] = _clean(
             {
                 "schema": SCHEMA,
                 "verdict": self.verdict,
@@ -182,7 +195,9 @@ class Diagnosis:
                 "baseline": {
                     "handout_tied_rms": self.handout_tied_rms,
                     "free_rms": self.free_rms,
-                    "ratios": {n: {"value": q.value, "ci95": list(q.ci95) if q.ci95 else None} for n, q in self.ratios.items()},
+                    "ratios": {
+                        n: {"value": q.value, "ci95": list(q.ci95) if q.ci95 else None} for n, q in self.ratios.items()
+                    },
                 },
                 "fit": {
                     "before_rms": self.before_rms,
@@ -199,12 +214,15 @@ class Diagnosis:
                 "seconds": self.seconds,
             }
         )
+        return content
 
     def __str__(self) -> str:
         lines = [
             f"verdict: {self.verdict.replace('_', ' ')}",
-            f"rms on recordings kept away: {self.before_rms:.3g} -> {self.after_rms:.3g} {self.unit} "
-            f"(floor {self.floor_rms:.3g})",
+            (
+                f"rms on recordings kept away: {self.before_rms:.3g} -> {self.after_rms:.3g} {self.unit} "
+                f"(floor {self.floor_rms:.3g})"
+            ),
         ]
         lines += [f.statement for f in self.findings]
         if self.unnamed is not None:
