@@ -14,7 +14,6 @@ from identification.mismatch.replay import Remaining, remaining, replays
 from identification.mismatch.suggest import Suggestion
 from identification.mismatch.verdict import Diagnosis, RecordingFit
 
-
 _MOST_FAULTS = 6
 # the page is wider than an A4 report's text
 _DPI = 130.0

@@ -79,7 +79,7 @@ class Suggestion:
 
 def command(kind: Kind, amplitude: float, frequency: float) -> tuple[FloatArray, FloatArray]:
     """Return time and command of an excitation, each of shape (8001,) [s, V]."""
-    t: FloatArray = np.arange(round(DURATION_S / SAMPLE_TIME_S) + 1) * SAMPLE_TIME_S
+    t = np.asarray(np.arange(round(DURATION_S / SAMPLE_TIME_S) + 1) * SAMPLE_TIME_S, dtype=np.float64)
     if kind == "square":
         return t, square(t, amplitude, frequency)
     if kind == "sine":
