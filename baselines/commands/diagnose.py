@@ -6,7 +6,7 @@ import json as encoder
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,8 +16,12 @@ import typer
 from baselines.commands._output import Json, Recordings, number, plain, print_json, progress, say, table
 
 if TYPE_CHECKING:
+    from flexdrive_gym import Recording
     from identification.mismatch.suggest import Suggestion
     from identification.mismatch.verdict import Diagnosis
+
+
+_FEWEST_S, _ONE_IS_ENOUGH_S = 5.0, 10.0
 
 
 def diagnose(
@@ -72,9 +76,13 @@ def write_diagnosis(
     from baselines.report.diagnosis import build_diagnosis  # noqa: PLC0415
     from flexdrive_gym import save_drive  # noqa: PLC0415
     from identification import diagnose as run  # noqa: PLC0415
+    from identification import read_recordings  # noqa: PLC0415
     from identification.mismatch.suggest import suggest_experiments, write_suggestions  # noqa: PLC0415
 
-    found = run(recordings, seed=seed, jobs=jobs, say=tell)
+    tell("reading recordings")
+    runs = read_recordings(recordings)
+    require_enough(runs)
+    found = run(runs, seed=seed, jobs=jobs, say=tell)
     tell("predicting")
     found = replace(found, predictions=predictions(found))
     suggestions: tuple[Suggestion, ...] = ()
@@ -93,6 +101,27 @@ def write_diagnosis(
 
     _write_together(output, write)
     return found, suggestions
+
+
+def require_enough(runs: Sequence[Recording]) -> None:
+    """Refuse what no diagnosis can be made from, and name the experiment to do next.
+
+    Raises
+    ------
+    ValueError
+        With less than five seconds in all, or a single recording shorter than ten.
+    """
+    seconds = sum(r.n * r.sample_time for r in runs)
+    rule = "a diagnosis tells physics from what merely differs between runs, and needs at least two recordings"
+    if len(runs) > 1 and seconds < _FEWEST_S:
+        rule = f"a diagnosis needs at least {_FEWEST_S:g} s of recordings"
+    elif len(runs) > 1 or seconds >= _ONE_IS_ENOUGH_S:
+        return
+    kinds = "; ".join(sorted({str(r.excitation) for r in runs}))
+    raise ValueError(
+        f"recordings: {rule}; got {len(runs)} of {seconds:.1f} s in all ({kinds}). Record squares of ±1.5 V and ±2 V at 0.5 Hz "
+        "and sines of ±2.5 V from 0.5 to 5 Hz next (handout 2.5, 2.6)."
+    )
 
 
 def _content(found: Diagnosis, suggestions: tuple[Suggestion, ...] | None) -> Mapping[str, object]:

@@ -64,6 +64,25 @@ def build_diagnosis(
     )
 
 
+def main_sections(diagnosis: Diagnosis, *, jobs: int | None = None) -> list[Section]:
+    """Return what the handout's report shows of a diagnosis: the overlay, the missing force, the findings."""
+    with ThreadPoolExecutor(jobs or len(os.sched_getaffinity(0))) as pool:
+        forces = remaining(diagnosis, pool)
+        sections = [_overlay(diagnosis, pool), _maps(diagnosis, forces), _findings(diagnosis), _predictions(diagnosis)]
+    for section, title in zip(
+        sections,
+        (
+            "Diagnosis: measured against simulated",
+            "Diagnosis: the force that is missing",
+            "Diagnosis: findings",
+            "Diagnosis: what the naming changes",
+        ),
+        strict=True,
+    ):
+        section.title, section.anchor = title, f"diagnosis-{section.anchor}"
+    return [s for s in sections if s.blocks]
+
+
 def _subtitle(d: Diagnosis) -> str:
     kept = len(d.split.prove) + len(d.split.loops)
     return f"{len(d.split.learn) + kept} recordings: {len(d.split.learn)} learnt from, {kept} kept away to prove it on"

@@ -32,8 +32,8 @@ RIG = Drive(
         "d1": 0.37,
         "d2": 0.15,
         "k": 0.085,
-        "input_delay.tau": 2e-3,
-        "stribeck.cart_1.extra": 0.15,
+        # what the diagnosis of the sample has to find
+        "stribeck.cart_1.extra": 0.3,
         "stribeck.cart_1.vs": 40.0,
     },
     name="rig of the bundled sample",

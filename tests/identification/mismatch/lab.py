@@ -34,7 +34,9 @@ def workbench(recordings, pool: ThreadPoolExecutor) -> Workbench:
 def pushed_run(values, u, push, *, name="pushed", excitation=None) -> Recording:
     """A run on which additional forces act: ``push``, shape (2, n) [V]."""
     t = np.arange(len(u)) * 1e-3
-    still = Recording(name, t, u, v1=np.zeros(len(u)), v2=np.zeros(len(u)), excitation=excitation or Excitation("other"))
+    still = Recording(
+        name, t, u, v1=np.zeros(len(u)), v2=np.zeros(len(u)), excitation=excitation or Excitation("other")
+    )
     v1, v2 = simulate_run(values, prepare(still), pushes=push)
     return replace(still, v1=v1, v2=v2)
 

@@ -16,7 +16,9 @@ def forces(function, *, noise=0.02, runs=5):
     made = []
     for r in range(runs):
         t = np.arange(N) * 4e-3
-        v = np.vstack([150.0 * np.sin(2 * np.pi * (0.3 + 0.2 * r) * t), 120.0 * np.sin(2 * np.pi * (0.3 + 0.2 * r) * t - 1.0)])
+        v = np.vstack(
+            [150.0 * np.sin(2 * np.pi * (0.3 + 0.2 * r) * t), 120.0 * np.sin(2 * np.pi * (0.3 + 0.2 * r) * t - 1.0)]
+        )
         g = noise * rng.normal(size=(2, N))
         g[0] += function(v[0])
         x = np.cumsum(v, axis=1) * 4e-3

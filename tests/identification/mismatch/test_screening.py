@@ -13,7 +13,15 @@ from identification.mismatch.search import baseline, best_of_each, directions
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import SHORT, short_day, workbench
 
-SOME = {"stribeck", "quadratic_drag", "hardening_spring", "dead_zone", "coulomb_asymmetry", "encoder_scale", "presliding"}
+SOME = {
+    "stribeck",
+    "quadratic_drag",
+    "hardening_spring",
+    "dead_zone",
+    "coulomb_asymmetry",
+    "encoder_scale",
+    "presliding",
+}
 
 
 def judged(recordings, pool):

@@ -17,7 +17,9 @@ def runs(along_friction):
         x = 40.0 * np.sin(2 * np.pi * (0.4 + 0.1 * r) * t)
         v = np.gradient(x, t)
         wave = 0.05 * np.sin(2 * np.pi * (x + rng.uniform(0, PERIOD)) / PERIOD)
-        g = np.vstack([-np.sign(v) * wave if along_friction else wave, np.zeros(2000)]) + 0.02 * rng.normal(size=(2, 2000))
+        g = np.vstack([-np.sign(v) * wave if along_friction else wave, np.zeros(2000)]) + 0.02 * rng.normal(
+            size=(2, 2000)
+        )
         both = np.vstack([x, x]), np.vstack([v, v])
         made.append(MissingForce(str(r), t, t, *both, g, g, np.ones((2, 2000), dtype=bool)))
     return made

@@ -12,7 +12,12 @@ T = np.arange(10) * 1e-3
 
 def recording(name, kind, amplitude=0.0, frequency=0.0, faults=()):
     return Recording(
-        name, T, T, xr=T if kind == "closed_loop" else None, excitation=Excitation(kind, amplitude, frequency), faults=faults
+        name,
+        T,
+        T,
+        xr=T if kind == "closed_loop" else None,
+        excitation=Excitation(kind, amplitude, frequency),
+        faults=faults,
     )
 
 

@@ -63,7 +63,7 @@ def test_input_files_are_what_the_rig_plays(suggestions, tmp_path):
 
 
 def test_a_ramp_is_a_triangle_from_zero():
-    t, u = command("ramp", 2.0, 0.25)
+    _t, u = command("ramp", 2.0, 0.25)
     assert u[0] == pytest.approx(0.0)
     assert u[1000] == pytest.approx(2.0)
     assert u[3000] == pytest.approx(-2.0)
