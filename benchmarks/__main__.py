@@ -1,8 +1,19 @@
-"""``python -m benchmarks [NAME ...]``: run all, or those named."""
+"""``python -m benchmarks [NAME ...]``: run the quick ones, or those named; ``diagnosis`` and ``false_alarms`` take options."""
 
 import sys
 
-from benchmarks import accuracy, blind_nuisance, controllers, coverage, environment, real_rigs, speed
+from benchmarks import (
+    accuracy,
+    blind_nuisance,
+    controllers,
+    coverage,
+    diagnosis,
+    environment,
+    false_alarms,
+    overlay,
+    real_rigs,
+    speed,
+)
 
 ALL = {
     "accuracy": accuracy.main,
@@ -12,14 +23,20 @@ ALL = {
     "coverage": coverage.main,
     "blind_nuisance": blind_nuisance.main,
     "controllers": controllers.main,
+    "overlay": overlay.main,
 }
+# these take minutes to hours, and options of their own
+LONG = {"diagnosis": diagnosis.main, "false_alarms": false_alarms.main}
 
 
 def main() -> int:
+    if sys.argv[1:2] and sys.argv[1] in LONG:
+        LONG[sys.argv[1]]()
+        return 0
     names = sys.argv[1:] or list(ALL)
     unknown = [name for name in names if name not in ALL]
     if unknown:
-        print(f"benchmarks: no benchmark {', '.join(unknown)}; there are {', '.join(ALL)}", file=sys.stderr)
+        print(f"benchmarks: no benchmark {', '.join(unknown)}; there are {', '.join([*ALL, *LONG])}", file=sys.stderr)
         return 2
     for name in names:
         print(f"== {name}")

@@ -1,15 +1,19 @@
-"""Identification of the drive from recordings: read, identify, validate."""
+"""Identification of the drive from recordings: read, identify, validate, diagnose."""
 
 from identification.likelihood import MaximumLikelihood, identify_by_likelihood
 from identification.methods import Identification, identify
+from identification.mismatch.diagnose import diagnose
+from identification.mismatch.verdict import Diagnosis
 from identification.recordings import RecordingError, read_recordings, write_recording
 from identification.validation import Validation, validate
 
 __all__ = [
+    "Diagnosis",
     "Identification",
     "MaximumLikelihood",
     "RecordingError",
     "Validation",
+    "diagnose",
     "identify",
     "identify_by_likelihood",
     "read_recordings",

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from baselines.commands._output import Json, print_json, say
+from baselines.commands._output import Json, print_json, progress, say
 
 
 def demo(
@@ -16,23 +16,41 @@ def demo(
     ),
     json: Json = False,
 ) -> None:
-    """Tell the whole story on the bundled sample (which flexdrive simulated itself): identify, validate, report."""
+    """Tell the whole story on the bundled sample (which flexdrive simulated itself): identify, diagnose, report."""
+    from baselines.commands.diagnose import print_diagnosis, write_diagnosis  # noqa: PLC0415
     from baselines.commands.identify import Method, identify  # noqa: PLC0415
     from baselines.commands.report import write_report  # noqa: PLC0415
     from baselines.commands.stability import stability  # noqa: PLC0415
     from baselines.sample import FOLDER  # noqa: PLC0415
 
+    drive, page, folder = output / "drive.toml", output / "report.html", output / "diagnosis"
     if json:
-        drive, page = output / "drive.toml", output / "report.html"
         _quiet_identify(drive)
-        write_report([FOLDER], page, _TITLE)
-        print_json({"drive": drive, "report": page, "sample": "simulated by flexdrive"})
+        found, _ = write_diagnosis([FOLDER], folder)
+        write_report([FOLDER], page, _TITLE, found)
+        print_json(
+            {
+                "drive": drive,
+                "report": page,
+                "diagnosis": folder / "diagnosis.json",
+                "verdict": found.verdict,
+                "findings": [{"id": f.id, "where": f.where} for f in found.findings],
+                "sample": "simulated by flexdrive",
+            }
+        )
         return
-    say("The bundled sample is a lab day that flexdrive simulated itself, with ratios that are not the handout's.")
-    identify([FOLDER], output / "drive.toml", Method.ml)
-    stability(output / "drive.toml")
-    page = write_report([FOLDER], output / "report.html", _TITLE)
-    say(f"wrote {page}")
+    say("The bundled sample is a lab day that flexdrive simulated itself, with ratios that are not the handout's")
+    say("and with an effect that no model here is told of.")
+    identify([FOLDER], drive, Method.ml)
+    stability(drive)
+    with progress() as bar:
+        task = bar.add_task("diagnosing", total=None)
+        found, _ = write_diagnosis(
+            [FOLDER], folder, tell=lambda step: bar.update(task, advance=1, description=f"diagnosing: {step}")
+        )
+    print_diagnosis(found)
+    write_report([FOLDER], page, _TITLE, found)
+    say(f"wrote {page}; the diagnosis by itself is {folder / 'report.html'}")
 
 
 _TITLE = "Flexible drive: Lab 3 report on the bundled, simulated sample"

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from baselines.commands._output import Json, Recordings, print_json, progress, say
+
+if TYPE_CHECKING:
+    from identification import Diagnosis
 
 
 def report(
@@ -24,7 +27,7 @@ def report(
         say(f"wrote {written}")
 
 
-def write_report(recordings: list[Path], output: Path, title: str) -> Path:
+def write_report(recordings: list[Path], output: Path, title: str, diagnosis: Diagnosis | None = None) -> Path:
     """Read, compute, render and write; show progress."""
     from baselines.report import STEPS, build_report  # noqa: PLC0415
     from flexdrive_gym.files import write_atomically  # noqa: PLC0415
@@ -37,4 +40,4 @@ def write_report(recordings: list[Path], output: Path, title: str) -> Path:
         def tell(step: str) -> None:
             bar.update(task, advance=1, description=step)
 
-        return write_atomically(output, build_report(runs, title=title, progress=tell))
+        return write_atomically(output, build_report(runs, title=title, diagnosis=diagnosis, progress=tell))

@@ -5,17 +5,26 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from baselines.report import sections as parts
+from baselines.report.diagnosis import main_sections
 from baselines.report.findings import STEPS, Findings, Progress, find
 from baselines.report.page import render
+from baselines.report.words import verdict_sentences
 from baselines.stability_limit import explain
 from flexdrive_gym import Recording, __version__
 from identification.likelihood import improvement
+from identification.mismatch.verdict import Diagnosis
 from identification.quantities import HANDOUT_RATIOS
 
 __all__ = ["STEPS", "build_report"]
 
 
-def build_report(recordings: Sequence[Recording], *, title: str, progress: Progress = lambda _: None) -> str:
+def build_report(
+    recordings: Sequence[Recording],
+    *,
+    title: str,
+    diagnosis: Diagnosis | None = None,
+    progress: Progress = lambda _: None,
+) -> str:
     """Return the report as one self-contained HTML page.
 
     Parameters
@@ -24,12 +33,15 @@ def build_report(recordings: Sequence[Recording], *, title: str, progress: Progr
         A lab day.
     title
         Heading of the page.
+    diagnosis
+        Of the same recordings, shown first.
     progress
         Told the name of every step before it begins.
     """
     found = find(recordings, progress)
     progress("figures")
     sections = [
+        *([] if diagnosis is None else main_sections(diagnosis)),
         parts.faults(found),
         parts.p_control_section(found),
         parts.step_responses(found),
@@ -40,7 +52,13 @@ def build_report(recordings: Sequence[Recording], *, title: str, progress: Progr
         parts.stability(found),
     ]
     progress("page")
-    return render(title, _subtitle(found), _summary(found), sections, f"Made by flexdrive {__version__}.")
+    return render(
+        title=title,
+        subtitle=_subtitle(found),
+        summary=[*([] if diagnosis is None else verdict_sentences(diagnosis)), *_summary(found)],
+        sections=sections,
+        footer=f"Made by flexdrive {__version__}.",
+    )
 
 
 def _subtitle(found: Findings) -> str:

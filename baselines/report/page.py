@@ -7,7 +7,7 @@ import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,6 +40,7 @@ class Section:
     title: str
     anchor: str
     blocks: list[Block] = field(default_factory=list)
+    folded: bool = False
 
     def text(self, text: str) -> None:
         """Add a paragraph."""
@@ -59,15 +60,15 @@ class Section:
         numeric = tuple(all(_NUMBER.match(row[i]) for row in cells) for i in range(len(columns)))
         self.blocks.append(Block("table", columns=tuple(columns), rows=cells, numeric=numeric))
 
-    def figure(self, figure: Figure, caption: str) -> None:
+    def figure(self, figure: Figure, caption: str, *, dpi: float = 110.0) -> None:
         """Add a figure; it is rendered at once, so that its memory can be freed."""
         stream = io.BytesIO()
-        figure.savefig(stream, format="png", dpi=110)
+        figure.savefig(stream, format="png", dpi=dpi)
         self.blocks.append(Block("figure", png=base64.b64encode(stream.getvalue()).decode(), caption=caption))
 
 
-def render(title: str, subtitle: str, summary: Sequence[str], sections: Sequence[Section], footer: str) -> str:
-    """Return the page as HTML."""
+def render(template: str = "report.html.j2", **content: Any) -> str:
+    """Return the page as HTML: a template of this package, filled."""
     from jinja2 import Environment, PackageLoader, StrictUndefined  # noqa: PLC0415
 
     environment = Environment(
@@ -76,7 +77,4 @@ def render(title: str, subtitle: str, summary: Sequence[str], sections: Sequence
         undefined=StrictUndefined,
         trim_blocks=True,
     )
-    template = environment.get_template("report.html.j2")
-    return template.render(
-        title=title, subtitle=subtitle, summary=list(summary), sections=list(sections), footer=footer
-    )
+    return environment.get_template(template).render(**content)

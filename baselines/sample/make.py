@@ -1,7 +1,8 @@
 """Write the bundled sample again: ``python -m baselines.sample.make [FOLDER]``.
 
 A simulated rig with ratios of its own, friction that differs from run to run, a rough track (a coloured force the
-recorded command does not show), encoder counts, and two encoder faults, all from one seed.
+recorded command does not show), encoder counts, two encoder faults, and one effect that nobody told the diagnosis of: the
+Stribeck effect on cart 1. All from one seed.
 """
 
 from __future__ import annotations
@@ -31,7 +32,9 @@ RIG = Drive(
         "d1": 0.37,
         "d2": 0.15,
         "k": 0.085,
-        "input_delay.tau": 2e-3,
+        # what the diagnosis of the sample has to find
+        "stribeck.cart_1.extra": 0.3,
+        "stribeck.cart_1.vs": 40.0,
     },
     name="rig of the bundled sample",
 )

@@ -194,6 +194,7 @@ class _Diagnosing:
             remaining=tuple(draw_maps(self.forces(after_values, split.learn))),
             friction_spread=self.bench.spread.get("friction", 0.0),
             extra={"rivals": _rivals([p.step for p in proofs])},
+            learnt=after,
         )
 
     def unnamed(self, found: Search) -> tuple[Shape | None, list[tuple[str, float]]]:

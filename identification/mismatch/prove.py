@@ -48,10 +48,10 @@ def period_of(values: Mapping[str, float]) -> float:
 
 def place(values: Mapping[str, float], recordings: Sequence[Recording], pool: Executor) -> FloatArray:
     """Return where every run began along the track [mm], as far as a repeating effect tells."""
-    bench = Workbench([prepare(r) for r in recordings], pool)
     period = period_of(values)
     if not period or not recordings:
         return np.zeros(len(recordings))
+    bench = Workbench([prepare(r) for r in recordings], pool)
     costs = []
     tried = period * np.arange(_PLACES) / _PLACES
     for offset in tried:

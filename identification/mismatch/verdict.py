@@ -108,12 +108,21 @@ class RecordingFit:
 
 @dataclass(frozen=True)
 class Prediction:
-    """A figure that the naming changed, and what the rig did where it is known."""
+    """A figure that the naming changed, and what the rig did where it is known.
+
+    Attributes
+    ----------
+    before, after
+        Of the free fit and of the diagnosed drive [unit]; ``None`` where there is no such figure.
+    measured
+        What the recordings say of it, in words; empty where they say nothing.
+    """
 
     name: str
     before: float | None
     after: float | None
     unit: str
+    measured: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +133,9 @@ class Diagnosis:
     ----------
     drive, free
         The diagnosed drive, and the free fit without named physics.
+    learnt
+        The diagnosed drive fitted to the recordings learnt from alone, which held-out figures are about; ``None`` where it
+        was not kept.
     notes
         Sentences a reader should see.
     maps, harmonics, forces, remaining
@@ -155,6 +167,7 @@ class Diagnosis:
     friction_spread: float = 0.0
     unit: str = "mm/s"
     extra: Mapping[str, Any] = field(default_factory=dict)
+    learnt: Drive | None = None
 
     def as_json(self, drive: str = "drive.toml") -> dict[str, Any]:
         """Return the object of ``diagnosis.json``; not-a-number becomes null."""

@@ -4,15 +4,18 @@ import json
 import re
 import subprocess
 import sys
+from importlib.resources import files
 
+import jsonschema
 import pytest
 
 from baselines.commands import app
 from baselines.experiments import open_loop
 from baselines.sample import FOLDER
-from flexdrive_gym import Drive, save_drive
+from flexdrive_gym import Drive, load_drive, save_drive
 from identification import write_recording
 from tests.drive.drives import RIG
+from tests.identification.mismatch.lab import short_day
 
 COMMANDS = [command.callback.__name__ for command in app.registered_commands]
 
@@ -46,7 +49,7 @@ def folder(tmp_path_factory):
 
 def test_the_contract_names_every_command():
     assert set(COMMANDS) == {
-        "demo", "identify", "validate", "stability", "experiment", "design", "compare", "report"
+        "demo", "identify", "validate", "stability", "experiment", "diagnose", "design", "compare", "report"
     }  # fmt: skip
 
 
@@ -143,6 +146,66 @@ def test_experiments_can_be_identified_again(folder):
         assert found[name]["value"] == pytest.approx(RIG[name], rel=0.02)
 
 
+@pytest.fixture(scope="module")
+def diagnosed(tmp_path_factory):
+    """The diagnosis of five short runs of a rig whose spring hardens."""
+    base = tmp_path_factory.mktemp("diagnosis")
+    for run in short_day({"hardening_spring.k3": 2e-4}):
+        write_recording(run, base / "recordings" / f"{run.name}.csv")
+    (base / "out").mkdir()
+    (base / "out" / "suggest_1_sine_1V_1Hz.csv").write_text("of an earlier diagnosis")
+    return base, flexdrive("diagnose", "recordings", "-o", "out", "--json", "--suggest", cwd=base)
+
+
+def test_diagnose_prints_what_it_writes(diagnosed):
+    base, result = diagnosed
+    assert result.returncode == 0, result.stderr
+    found = json.loads(result.stdout)
+    assert found == json.loads((base / "out" / "diagnosis.json").read_text(encoding="utf-8"))
+    schema = files("identification.mismatch") / "diagnosis.schema.json"
+    jsonschema.validate(found, json.loads(schema.read_text(encoding="utf-8")))
+    assert found["verdict"] in {"explained", "partly_explained"}
+    assert found["findings"][0]["id"] == "hardening_spring"
+    assert found["findings"][0]["parameters"]["k3"]["value"] == pytest.approx(2e-4, rel=0.1)
+    assert {p["name"] for p in found["predictions"]} >= {"critical gain from x2, simulated", "damping ratio"}
+    # files of an earlier diagnosis are gone with it
+    assert {p.name for p in (base / "out").iterdir()} >= {"diagnosis.json", "drive.toml", "report.html"}
+    assert not (base / "out" / "suggest_1_sine_1V_1Hz.csv").exists()
+    assert {p.name for p in base.iterdir()} == {"out", "recordings"}
+
+
+def test_the_diagnosed_drive_has_the_named_physics(diagnosed):
+    base, _ = diagnosed
+    assert load_drive(base / "out" / "drive.toml")["hardening_spring.k3"] == pytest.approx(2e-4, rel=0.1)
+
+
+def test_the_page_of_a_diagnosis(diagnosed):
+    page = (diagnosed[0] / "out" / "report.html").read_text(encoding="utf-8")
+    assert not re.findall(r"""(?:src|href)=["'](?!data:|#)""", page)  # self-contained
+    assert page.index("The model left out: hardening spring at spring") < page.index("<img")
+    for anchor in (
+        "overlay",
+        "maps",
+        "findings",
+        "faults",
+        "remains",
+        "recordings",
+        "predictions",
+        "baseline",
+        "harmonics",
+    ):
+        assert f'id="{anchor}"' in page
+    assert page.count("data:image/png;base64,") == 3
+
+
+def test_too_little_to_diagnose_names_the_next_experiment(diagnosed, tmp_path):
+    one = next((diagnosed[0] / "recordings").iterdir())
+    result = flexdrive("diagnose", one, "-o", "out", cwd=tmp_path)
+    assert result.returncode == 1
+    assert re.search(r"needs at least two recordings; got 1 of 2\.5 s.*Record squares", result.stderr)
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.slow
 def test_demo_ends_with_a_report(tmp_path):
     result = flexdrive("demo", "-o", tmp_path / "demo", "--json")
@@ -150,3 +213,6 @@ def test_demo_ends_with_a_report(tmp_path):
     page = (tmp_path / "demo" / "report.html").read_text()
     assert not re.findall(r"""(?:src|href)=["'](?!data:|#)""", page)  # self-contained
     assert FOLDER.exists()
+    # the sample conceals a Stribeck effect on cart 1
+    assert json.loads(result.stdout)["findings"] == [{"id": "stribeck", "where": "cart_1"}]
+    assert "The model left out: Stribeck effect at cart 1." in page

@@ -1,0 +1,192 @@
+"""``flexdrive diagnose``."""
+
+from __future__ import annotations
+
+import json as encoder
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from baselines.commands._output import Json, Recordings, number, plain, print_json, progress, say, table
+
+if TYPE_CHECKING:
+    from flexdrive_gym import Recording
+    from identification.mismatch.suggest import Suggestion
+    from identification.mismatch.verdict import Diagnosis
+
+
+_FEWEST_S, _ONE_IS_ENOUGH_S = 5.0, 10.0
+
+
+def diagnose(
+    recordings: Recordings,
+    output: Annotated[Path, typer.Option("--output", "-o", file_okay=False, help="Folder for the results.")] = Path(
+        "diagnosis"
+    ),
+    seed: Annotated[int, typer.Option(min=0, help="Of null draws and resampling; the same seed, the same answer.")] = 0,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Threads; the answer does not change.")] = None,
+    suggest: Annotated[
+        bool,
+        typer.Option("--suggest", help="Also write the experiments that would separate what cannot be told apart."),
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Locate, name, model and prove the physics that simulation and recordings disagree about."""
+    with progress() as bar:
+        task = bar.add_task("reading recordings", total=None)
+
+        def tell(step: str) -> None:
+            bar.update(task, advance=1, description=step)
+
+        found, suggestions = write_diagnosis(
+            recordings,
+            output,
+            seed=seed,
+            jobs=jobs,
+            suggest=suggest,
+            tell=tell,
+        )
+    if json:
+        print_json(_content(found, suggestions if suggest else None))
+        return
+    print_diagnosis(found)
+    if suggest:
+        print_suggestions(suggestions, output)
+    say(f"wrote {output / 'diagnosis.json'}, {output / 'drive.toml'} and {output / 'report.html'}")
+
+
+def write_diagnosis(
+    recordings: list[Path],
+    output: Path,
+    *,
+    seed: int = 0,
+    jobs: int | None = None,
+    suggest: bool = False,
+    title: str = "Diagnosis of a flexible drive",
+    tell: Callable[[str], None] = lambda _: None,
+) -> tuple[Diagnosis, tuple[Suggestion, ...]]:
+    """Diagnose, and write diagnosis.json, drive.toml and report.html, all or none; return what was found."""
+    from baselines.predictions import predictions  # noqa: PLC0415
+    from baselines.report.diagnosis import build_diagnosis  # noqa: PLC0415
+    from flexdrive_gym import save_drive  # noqa: PLC0415
+    from identification import diagnose as run  # noqa: PLC0415
+    from identification import read_recordings  # noqa: PLC0415
+    from identification.mismatch.suggest import suggest_experiments, write_suggestions  # noqa: PLC0415
+
+    tell("reading recordings")
+    runs = read_recordings(recordings)
+    require_enough(runs)
+    found = run(runs, seed=seed, jobs=jobs, say=tell)
+    tell("predicting")
+    found = replace(found, predictions=predictions(found))
+    suggestions: tuple[Suggestion, ...] = ()
+    if suggest:
+        tell("looking for experiments")
+        suggestions = suggest_experiments(found)
+    tell("drawing the page")
+    page = build_diagnosis(found, title=title, suggestions=suggestions, jobs=jobs)
+
+    def write(folder: Path) -> None:
+        text = encoder.dumps(plain(_content(found, suggestions if suggest else None)), ensure_ascii=False, indent=1)
+        (folder / "diagnosis.json").write_text(text + "\n", encoding="utf-8")
+        (folder / "report.html").write_text(page, encoding="utf-8")
+        save_drive(found.drive, folder / "drive.toml")
+        write_suggestions(suggestions, folder)
+
+    _write_together(output, write)
+    return found, suggestions
+
+
+def require_enough(runs: Sequence[Recording]) -> None:
+    """Refuse what no diagnosis can be made from, and name the experiment to do next.
+
+    Raises
+    ------
+    ValueError
+        With less than five seconds in all, or a single recording shorter than ten.
+    """
+    seconds = sum(r.n * r.sample_time for r in runs)
+    rule = "a diagnosis tells physics from what merely differs between runs, and needs at least two recordings"
+    if len(runs) > 1 and seconds < _FEWEST_S:
+        rule = f"a diagnosis needs at least {_FEWEST_S:g} s of recordings"
+    elif len(runs) > 1 or seconds >= _ONE_IS_ENOUGH_S:
+        return
+    kinds = "; ".join(sorted({str(r.excitation) for r in runs}))
+    raise ValueError(
+        f"recordings: {rule}; got {len(runs)} of {seconds:.1f} s in all ({kinds}). Record squares of ±1.5 V and ±2 V at 0.5 Hz "
+        "and sines of ±2.5 V from 0.5 to 5 Hz next (handout 2.5, 2.6)."
+    )
+
+
+def _content(found: Diagnosis, suggestions: tuple[Suggestion, ...] | None) -> Mapping[str, object]:
+    content = found.as_json()
+    if suggestions is not None:
+        content["suggestions"] = [s.as_json() for s in suggestions]
+    return content
+
+
+def _write_together(output: Path, write: Callable[[Path], None]) -> None:
+    """Write into a temporary neighbour of the folder, then move every file: what fails leaves the folder as it was."""
+    output.parent.mkdir(parents=True, exist_ok=True)
+    umask = os.umask(0)
+    os.umask(umask)
+    with tempfile.TemporaryDirectory(dir=output.parent, prefix=f".{output.name}.") as name:
+        temporary = Path(name)
+        write(temporary)
+        output.mkdir(exist_ok=True)
+        for stale in output.glob("suggest_*.csv"):
+            stale.unlink()
+        for file in sorted(temporary.iterdir()):
+            file.chmod(0o666 & ~umask)
+            shutil.move(file, output / file.name)
+
+
+def print_diagnosis(found: Diagnosis) -> None:
+    """Print what was found on a terminal."""
+    from baselines.report import words  # noqa: PLC0415
+
+    say(f"verdict: {found.verdict.replace('_', ' ')}")
+    for line in words.verdict_sentences(found):
+        say(line)
+    for f in found.findings:
+        say(f"- {f.statement}")
+        for line in words.tie_sentences(f):
+            say(f"  {line}")
+    if found.unnamed is not None:
+        nearest = ", ".join(f"{words.effect_name(n)} ({s:.0%} alike)" for n, s in found.unnamed.nearest)
+        say(f"unnamed, nearest names: {nearest or 'none'}")
+    faults = [f for f in found.faults if f.id != "saturation"]
+    if faults:
+        table(
+            "sensor faults, left out",
+            ["recording", "where", "fault", "from [s]", "to [s]"],
+            [[f.recording, f.where, f.id, f"{f.start_s:.3f}", f"{f.end_s:.3f}"] for f in faults],
+        )
+    for line in words.ratio_sentences(found):
+        say(line)
+    for note in found.notes:
+        say(f"note: {note}")
+    if found.predictions:
+        table(
+            "predictions",
+            ["", "before", "after", "unit", "on the rig"],
+            [[p.name, number(p.before), number(p.after), p.unit, p.measured or "–"] for p in found.predictions],
+        )
+
+
+def print_suggestions(suggestions: tuple[Suggestion, ...], output: Path) -> None:
+    """Print the experiments that would tell most."""
+    if not suggestions:
+        say("no experiment to suggest: there are no rival explanations to tell apart")
+        return
+    table(
+        "experiments that would tell most: expected difference of the velocities, in multiples of the floor",
+        ["file", *dict.fromkeys(name for s in suggestions for name in s.separation)],
+        [[str(output / s.file), *(number(v, 3) for v in s.separation.values())] for s in suggestions],
+    )

@@ -1,0 +1,66 @@
+"""What the diagnosis says of the real rigs and of the fourteen blind lab days.
+
+``python -m benchmarks diagnosis [DATA SET ...]`` looks for them in ``../shared/recordings`` beside the repository.
+"""
+
+import sys
+from pathlib import Path
+
+from baselines.predictions import predictions
+from identification import Diagnosis, diagnose, read_recordings
+
+ROOT = Path(__file__).parents[1]
+DATA = ROOT.parent / "shared" / "recordings"
+COLUMNS = (
+    "data set",
+    "verdict",
+    "findings",
+    "cannot be told from",
+    "rms before → after (floor) [mm/s]",
+    "critical gain, simulated, before → after [V/mm]",
+    "lab's critical gain, before → after; rig",
+    "faults",
+    "s",
+)
+
+
+def data_sets() -> list[str]:
+    blind = DATA / "blind"
+    return ["mte360_2022", "mte360_2025", *sorted(f"blind/{p.name}" for p in blind.glob("case_*"))]
+
+
+def main() -> None:
+    names = sys.argv[2:] or data_sets()
+    print("| " + " | ".join(COLUMNS) + " |")
+    print("|---" * len(COLUMNS) + "|")
+    for name in names:
+        if not (DATA / name).is_dir():
+            print(f"| {name} | skipped: no {DATA / name} |")
+            continue
+        print("| " + " | ".join(row(name, diagnose(read_recordings(DATA / name)))) + " |", flush=True)
+
+
+def row(name: str, found: Diagnosis) -> tuple[str, ...]:
+    by = {p.name: p for p in predictions(found)}
+    simulated = by.get("critical gain from x2, simulated")
+    lab = next((p for n, p in by.items() if "trajectory" in n), None)
+    unnamed = [] if found.unnamed is None else [f"unnamed on {found.unnamed.where}: {found.unnamed.acts_on}"]
+    return (
+        name,
+        found.verdict.replace("_", " "),
+        "; ".join(
+            [f"{f.id}@{f.where} " + ", ".join(f"{n} = {e}" for n, e in f.parameters.items()) for f in found.findings]
+            + unnamed
+        )
+        or "–",
+        "; ".join(f"{t.id}@{t.where}" for f in found.findings for t in f.ties) or "–",
+        f"{found.before_rms:.2f} → {found.after_rms:.2f} ({found.floor_rms:.2f})",
+        "–" if simulated is None else f"{_number(simulated.before)} → {_number(simulated.after)}",
+        "–" if lab is None else f"{_number(lab.before)} → {_number(lab.after)}; {lab.measured or 'not tried'}",
+        str(len([f for f in found.faults if f.id != "saturation"])),
+        f"{found.seconds:.0f}",
+    )
+
+
+def _number(value: float | None) -> str:
+    return "none below 10" if value is None else f"{value:.4f}"

@@ -1,0 +1,113 @@
+"""How often a diagnosis finds physics where there is none.
+
+``python -m benchmarks false_alarms [--draws 100] [--jobs 2]`` simulates lab days of a drive without left-out physics, but as
+restless as a real rig: the free fit of ``mte360_2022`` where its recordings are beside the repository, else the drive of the
+bundled sample's size; with the nuisance forces of :mod:`identification.mismatch.chance`, scaled to the real floor, and
+encoder counts. Every draw is kept in the cache directory, so an interrupted run goes on where it stopped.
+"""
+
+import argparse
+import json
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import joblib
+import numpy as np
+from platformdirs import user_cache_path
+from scipy.stats import beta
+
+from baselines.experiments import FREQUENCIES_HZ, open_loop
+from flexdrive_gym import Drive, Recording, __version__
+from flexdrive_gym.files import write_atomically
+from identification import diagnose, identify, read_recordings
+from identification.mismatch.chance import _nuisance
+from identification.mismatch.workbench import Workbench
+from identification.output_error import prepare, simulate_run
+
+ROOT = Path(__file__).parents[1]
+DATA = ROOT.parent / "shared" / "recordings" / "mte360_2022"
+QUANTUM = 0.0046592
+# rms of what does not repeat on the real rigs, and of encoder counts as velocity [mm/s]
+FLOOR_MM_S = {"mte360_2022": 2.9}
+DEFAULT = {"m1": 7.6e-4, "m2": 3.4e-4, "b1": 0.0096, "b2": 0.0032, "d1": 0.357, "d2": 0.241, "k": 0.095}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks false_alarms")
+    parser.add_argument("--draws", type=int, default=100)
+    parser.add_argument("--jobs", type=int, default=2)
+    options = parser.parse_args(sys.argv[2:])
+    name, values = rig()
+    folder = user_cache_path("flexdrive") / "false_alarms" / f"{__version__}-{name}"
+    todo = [d for d in range(options.draws) if not (folder / f"{d}.json").exists()]
+    print(f"{name}: {options.draws} draws, {options.draws - len(todo)} of them done before; results in {folder}")
+    joblib.Parallel(n_jobs=options.jobs)(joblib.delayed(one)(values, d, folder / f"{d}.json") for d in todo)
+    results = [json.loads((folder / f"{d}.json").read_text()) for d in range(options.draws)]
+    for r in results:
+        if r["verdict"] != "no_mismatch":
+            print(f"draw {r['draw']}: {r['verdict']}; {', '.join(r['findings']) or 'unnamed'}")
+    for what, count in (
+        ("verdicts other than no mismatch", sum(r["verdict"] != "no_mismatch" for r in results)),
+        ("draws with a named finding", sum(bool(r["findings"]) for r in results)),
+    ):
+        low, high = interval(count, len(results))
+        print(f"{what}: {count} of {len(results)} = {count / len(results):.1%}, 95 % interval {low:.1%} to {high:.1%}")
+    print(
+        f"floor of the draws {np.median([r['floor_rms'] for r in results]):.2f} mm/s (rig {FLOOR_MM_S['mte360_2022']} mm/s)"
+    )
+
+
+def interval(count: int, n: int) -> tuple[float, float]:
+    """Clopper and Pearson's exact 95 % interval of a share."""
+    low = float(beta.ppf(0.025, count, n - count + 1)) if count else 0.0
+    high = float(beta.ppf(0.975, count + 1, n - count)) if count < n else 1.0
+    return low, high
+
+
+def rig() -> tuple[str, dict[str, float]]:
+    if not DATA.is_dir():
+        print("no ../shared/recordings/mte360_2022: a drive of the same size instead")
+        return "default", DEFAULT
+    found = identify(read_recordings(DATA)).drive
+    return "mte360_2022", {n: found[n] for n in DEFAULT}
+
+
+def one(values: dict[str, float], draw: int, path: Path) -> None:
+    begin = time.perf_counter()
+    found = diagnose(null_day(values, draw), seed=draw, jobs=1)
+    result = {
+        "draw": draw,
+        "verdict": found.verdict,
+        "findings": [f"{f.id}@{f.where}" for f in found.findings],
+        "before_rms": found.before_rms,
+        "floor_rms": found.floor_rms if np.isfinite(found.floor_rms) else 0.0,
+        "seconds": time.perf_counter() - begin,
+    }
+    write_atomically(path, json.dumps(result))
+
+
+def null_day(values: dict[str, float], seed: int) -> list[Recording]:
+    """A lab day of open-loop runs with nuisance and encoder counts, and nothing left out."""
+    drive = Drive(values)
+    kinds = [("square", a, 0.5) for a in (1.5, 1.5, 2.0, 2.0)] + [("sine", 2.5, f) for f in FREQUENCIES_HZ]
+    quiet = [replace(open_loop(drive, *kind), name=f"{i:02d} {kind[0]}") for i, kind in enumerate(kinds)]  # type: ignore[arg-type]
+    runs = [prepare(r) for r in quiet]
+    with ThreadPoolExecutor(1) as pool:
+        bench = Workbench(runs, pool)
+        pushes = _nuisance(bench, values, [run.measured for run in runs], seed)
+    plain = [np.array(simulate_run(values, run)) for run in runs]
+    moved = [np.array(simulate_run(values, run, pushes=push)) for run, push in zip(runs, pushes, strict=True)]
+    # the mixture is drawn, its size is the rig's: what remains between runs of the same command
+    size = float(np.sqrt(np.mean([np.mean((m - p) ** 2) for m, p in zip(moved, plain, strict=True)])))
+    scale = FLOOR_MM_S["mte360_2022"] / max(size, 1e-9)
+    day = []
+    for r, run, push in zip(quiet, runs, pushes, strict=True):
+        v = simulate_run(values, run, pushes=scale * push)
+        # counts of the encoder, differentiated as the rig does it
+        x = [np.round(np.cumsum(s) * 1e-3 / QUANTUM) * QUANTUM for s in v]
+        raw = [np.diff(c, prepend=0.0) / 1e-3 for c in x]
+        day.append(replace(r, v1=raw[0], v2=raw[1], quantum=(QUANTUM, QUANTUM)))
+    return day

@@ -1,0 +1,43 @@
+"""The README's picture: measured against simulated on the bundled sample, before and after the missing physics is named.
+
+``python -m benchmarks overlay`` writes ``docs/overlay.png`` and, of the same diagnosis, ``docs/missing_force.png``.
+"""
+
+import io
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from baselines.report import words
+from baselines.sample import FOLDER
+from flexdrive_gym.files import write_atomically
+from identification import Diagnosis, diagnose
+from identification.mismatch.replay import remaining, replays
+from identification.plots import plot_before_after, plot_telling_map
+
+DOCS = Path(__file__).parents[1] / "docs"
+
+
+def main() -> None:
+    write(diagnose(FOLDER), DOCS)
+
+
+def write(found: Diagnosis, folder: Path) -> None:
+    runs = {r.name: r for r in found.split.prove}
+    fits = [f for f in found.per_recording if f.recording in runs]
+    best = max(fits, key=lambda f: f.before_rms - f.after_rms)
+    run = runs[best.recording]
+    with ThreadPoolExecutor(2) as pool:
+        before, after = (replays(drive, [run], pool)[0] for drive in (found.free, found.learnt or found.drive))
+        forces = remaining(found, pool)
+    named = words.listed(words.effect_name(f.id) for f in found.findings) if found.findings else "nothing"
+    i = forces.most_telling()
+    for name, figure in (
+        ("overlay", plot_before_after(run, before, after, titles=("before", f"{named} named"))),
+        (
+            "missing_force",
+            plot_telling_map(forces.measured, forces.left, forces.before[i], forces.supply[i], forces.after[i]),
+        ),
+    ):
+        stream = io.BytesIO()
+        figure.savefig(stream, format="png", dpi=120)
+        print(f"wrote {write_atomically(folder / f'{name}.png', stream.getvalue())}: {run.name}, {run.excitation}")
