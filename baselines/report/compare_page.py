@@ -24,9 +24,12 @@ def build_compare_page(comparison: Comparison) -> str:
         f"identified covariance (seed {comparison.seed}), {effects} left-out effects"
     )
     return render(
-        f"Controllers on {comparison.drive.name}", subtitle, headline(comparison), sections,
-        f"Made by flexdrive {__version__}: flexdrive compare.",
-    )  # fmt: skip
+        title=f"Controllers on {comparison.drive.name}",
+        subtitle=subtitle,
+        summary=headline(comparison),
+        sections=sections,
+        footer=f"Made by flexdrive {__version__}: flexdrive compare.",
+    )
 
 
 def share_cell(share: Share | None) -> str:

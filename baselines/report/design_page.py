@@ -18,9 +18,12 @@ def build_design_page(study: Lab4Study) -> str:
         f"crossover {s.crossover:g} rad/s, GM ≥ {s.gain_margin:g}, PM ≥ {s.phase_margin_deg:g}°; discretised at 1 kHz"
     )
     return render(
-        f"Lab 4 on {study.drive.name}", subtitle, verdict(study), sections,
-        f"Made by flexdrive {__version__}: flexdrive design.",
-    )  # fmt: skip
+        title=f"Lab 4 on {study.drive.name}",
+        subtitle=subtitle,
+        summary=verdict(study),
+        sections=sections,
+        footer=f"Made by flexdrive {__version__}: flexdrive design.",
+    )
 
 
 def cell(value: float, digits: int = 3) -> str:

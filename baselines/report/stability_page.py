@@ -28,9 +28,12 @@ def build_stability_page(study: StabilityStudy) -> str:
     if study.runs_without_friction:
         sections.append(_runs(study.runs_without_friction, "The same without Coulomb friction", "smooth"))
     return render(
-        f"Stability limit of {study.drive.name}", "P-control from x1 and from x2, handout 2.1–2.4", study.explanation,
-        sections, f"Made by flexdrive {__version__}: flexdrive stability.",
-    )  # fmt: skip
+        title=f"Stability limit of {study.drive.name}",
+        subtitle="P-control from x1 and from x2, handout 2.1–2.4",
+        summary=study.explanation,
+        sections=sections,
+        footer=f"Made by flexdrive {__version__}: flexdrive stability.",
+    )
 
 
 def _cell(value: float | None) -> str:

@@ -60,7 +60,7 @@ def test_null_draws_are_calibrated():
     found = []
     for gains in others.gains:
         best = int(np.argmax(gains / reference.usual))
-        found.append(reference.probability(best, float(gains[best])))
+        found.append(reference.probability(reference.names[best], float(gains[best])))
     # the mean of 30 uniform numbers has a standard deviation of 0.053
     assert np.mean(found) == pytest.approx(0.5, abs=0.16)
     assert min(found) >= 1 / 61
