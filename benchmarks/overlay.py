@@ -35,7 +35,7 @@ def write(found: Diagnosis, folder: Path) -> None:
         ("overlay", plot_before_after(run, before, after, titles=("before", f"{named} named"))),
         (
             "missing_force",
-            plot_telling_map(forces.measured, forces.left, forces.before[i], forces.supply[i], forces.after[i]),
+            plot_telling_map(forces.measured, forces.before[i], forces.left, forces.supply[i], forces.after[i]),
         ),
     ):
         stream = io.BytesIO()

@@ -1,4 +1,4 @@
-"""The README's table and picture from real recordings, which are not part of the repository.
+"""The README's table and a picture from real recordings, which are not part of the repository.
 
 ``python -m benchmarks real_rigs`` looks for them in ``../shared/recordings`` beside the repository.
 """
@@ -95,5 +95,5 @@ def picture(runs: tuple[Recording, ...]) -> None:
         axes[1, column].set_xlabel("time [s]")
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=120)
-    write_atomically(ROOT / "docs" / "overlay.png", stream.getvalue())
-    print("wrote docs/overlay.png")
+    write_atomically(ROOT / "docs" / "real_rig.png", stream.getvalue())
+    print("wrote docs/real_rig.png")

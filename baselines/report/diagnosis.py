@@ -91,7 +91,7 @@ def _subtitle(d: Diagnosis) -> str:
 def _tiles(d: Diagnosis) -> list[dict[str, str]]:
     tiles = [
         {
-            "number": f"{_number(d.before_rms)} → {_number(d.after_rms)}",
+            "number": f"{_number(d.before_rms)} → {_number(d.after_rms)}" if d.findings else _number(d.before_rms),
             "caption": f"rms error [{d.unit}] {words.where_proven(d)}",
         },
         {
@@ -134,22 +134,25 @@ def shown_recording(d: Diagnosis) -> tuple[Recording, RecordingFit]:
 
 
 def _overlay(d: Diagnosis, pool: ThreadPoolExecutor) -> Section:
-    from identification.plots import plot_before_after  # noqa: PLC0415  (matplotlib)
+    from identification.plots import plot_before_after, plot_validation  # noqa: PLC0415  (matplotlib)
 
     section = Section("Measured against simulated", "overlay")
     if not d.per_recording:
         return section
     run, fit = shown_recording(d)
-    before, after = (replays(drive, [run], pool)[0] for drive in (d.free, d.learnt or d.drive))
-    kept = "kept away from the fit" if fit.held_out and d.learnt else "learnt from"
-    if fit.held_out and d.learnt is None:
-        kept = "kept away while the physics was searched for"
+    drive = d.learnt or d.drive
+    before, after = (replays(each, [run], pool)[0] for each in (d.free, drive))
+    kept = "learnt from"
+    if fit.held_out:
+        kept = "kept away from the fit" if d.learnt else "kept away while the physics was searched for"
+    about = f"{run.name}: {run.excitation}, {kept}"
     if not d.findings:
-        section.text("Nothing was named, so both columns show the drive without left-out physics.")
+        section.figure(plot_validation(run, before), f"{about}. Nothing was named: this is the free fit.", dpi=_DPI)
+        return section
     section.figure(
-        plot_before_after(run, before, after, titles=("before", "after")),
-        f"{run.name}: {run.excitation}, {kept}; of such recordings the one that improved most, where it shows best. "
-        "Left: free fit without left-out physics. Right: with the named physics. Shaded: encoder faults.",
+        plot_before_after(run, before, after),
+        f"{about}; of such recordings the one that improved most, where it shows best. Left: free fit without left-out "
+        "physics. Right: with the named physics. Shaded: encoder faults.",
         dpi=_DPI,
     )
     return section
@@ -161,21 +164,27 @@ def _maps(d: Diagnosis, forces: Remaining) -> Section:
     section = Section("The force that is missing", "maps")
     if not forces.before:
         return section
-    i = forces.most_telling() if d.findings else 0
-    before, after = forces.before[i], forces.after[i]
-    section.text(f"Before, {before.sentence}." + (f" With the named physics, {after.sentence}." if d.findings else ""))
+    if len(d.located) > 1:
+        parts = [f"{p.share_of_error:.0%} of it on {p.where.replace('_', ' ')}" for p in d.located]
+        section.text(f"By mean square, {words.listed(parts)}.")
+    small = (
+        "The same for both carts against everything a force could depend on, with the share of the missing force that each "
+        "map predicts in recordings left out"
+    )
+    point = "Every point is an instant of a recording: the force that the drive's equations lack, against what it follows most."
+    if not d.findings:
+        section.text(f"{forces.before[0].sentence[0].upper()}{forces.before[0].sentence[1:]}.")
+        section.figure(plot_telling_map(forces.measured, forces.before[0]), point, dpi=_DPI)
+        section.figure(plot_maps(forces.before), f"{small}.", dpi=_DPI)
+        return section
+    i = forces.most_telling()
+    section.text(f"Before, {forces.before[i].sentence}. With the named physics, {forces.after[i].sentence}.")
     section.figure(
-        plot_telling_map(forces.measured, forces.left, before, forces.supply[i] if d.findings else None, after),
-        "Every point is an instant of a recording: the force that the drive's equations lack, against what it follows "
-        "most. Dashed: what the named physics supplies in the diagnosed drive's own runs.",
+        plot_telling_map(forces.measured, forces.before[i], forces.left, forces.supply[i], forces.after[i]),
+        f"{point} Dashed: what the named physics supplies in the diagnosed drive's own runs.",
         dpi=_DPI,
     )
-    section.figure(
-        plot_maps(forces.before, forces.after),
-        "The same for both carts against everything a force could depend on, before (brown) and after (blue), with the "
-        "share of the missing force that each map predicts in recordings left out.",
-        dpi=_DPI,
-    )
+    section.figure(plot_maps(forces.before, forces.after), f"{small}, before (brown) and after (blue).", dpi=_DPI)
     return section
 
 
@@ -239,7 +248,7 @@ def _faults(d: Diagnosis) -> Section:
         return section
     section.folded = len(faults) > _MOST_FAULTS
     recordings = len({f.recording for f in faults})
-    section.title = f"{len(faults)} sensor faults in {recordings} recordings"
+    section.title = f"Sensor faults: {len(faults)} in {recordings} recording{'s' if recordings > 1 else ''}"
     section.text("Data faults, not physics: left out of everything on this page.")
     rows = [
         (f.recording, f.where.replace("_", " "), f.id.replace("_", " "), f"{f.start_s:.3f}", f"{f.end_s:.3f}", f.note)
@@ -286,8 +295,11 @@ def _recordings(d: Diagnosis) -> Section:
 
 
 def _predictions(d: Diagnosis) -> Section:
-    section = Section("What the naming changes", "predictions")
-    if d.predictions:
+    section = Section("What the naming changes" if d.findings else "What the drive predicts", "predictions")
+    if d.predictions and not d.findings:
+        rows = [(p.name, _number(p.before), p.unit, p.measured or "–") for p in d.predictions]
+        section.table(("prediction", "free fit", "unit", "on the rig"), rows)
+    elif d.predictions:
         rows = [(p.name, _number(p.before), _number(p.after), p.unit, p.measured or "–") for p in d.predictions]
         section.table(("prediction", "before", "after", "unit", "on the rig"), rows)
     return section

@@ -146,25 +146,29 @@ def _label(m: Map) -> str:
 
 @styled
 def plot_telling_map(
-    measured: Sequence[MissingForce], left: Sequence[MissingForce], before: Map, supply: Map | None, after: Map
+    measured: Sequence[MissingForce],
+    before: Map,
+    left: Sequence[MissingForce] = (),
+    supply: Map | None = None,
+    after: Map | None = None,
 ) -> Figure:
     """Plot the missing force against the variable that tells most: before on the left, what remains on the right.
 
     Parameters
     ----------
-    measured, left
-        Missing forces before, and what remains of them.
-    before, after
-        Their maps, with bands of two standard errors over the recordings.
+    measured, before
+        Missing forces, and the map that tells most, with its band of two standard errors over the recordings.
+    left, after
+        The same of what remains; none where nothing was named, then there is one panel.
     supply
-        The force that the named physics supplies, from the diagnosed drive's own runs; ``None`` where nothing was named.
+        The force that the named physics supplies, from the diagnosed drive's own runs.
     """
     figure = new_figure(3.1)
-    panels = figure.subplots(1, 2, sharex=True, sharey=True)
-    stages = (
-        ("before: force the free fit leaves missing", measured, before, _BEFORE),
-        ("after: what remains with the named physics", left, after, _AFTER),
-    )
+    stages = [("force the free fit leaves missing", measured, before, _BEFORE)]
+    if after is not None:
+        stages[0] = ("before: force the free fit leaves missing", measured, before, _BEFORE)
+        stages.append(("after: what remains with the named physics", left, after, _AFTER))
+    panels = figure.subplots(1, len(stages), sharex=True, sharey=True, squeeze=False)[0]
     reach = 0.0
     for axes, (title, forces, m, colour) in zip(panels, stages, strict=True):
         x, g = _points(forces, m)
@@ -194,21 +198,26 @@ def plot_telling_map(
 
 
 @styled
-def plot_maps(before: Sequence[Map], after: Sequence[Map]) -> Figure:
-    """Plot small maps of every missing force against everything it could depend on, before and after."""
+def plot_maps(before: Sequence[Map], after: Sequence[Map] = ()) -> Figure:
+    """Plot small maps of every missing force against everything it could depend on, before and, if given, after."""
     wheres = sorted({m.where for m in before})
     names = [n for n in UNITS if any(m.variable == n for m in before)]
     figure = new_figure(0.55 + 1.3 * len(wheres))
     panels = figure.subplots(len(wheres), len(names), sharey="row", sharex="col", squeeze=False)
     place = {(w, n): panels[i, j] for i, w in enumerate(wheres) for j, n in enumerate(names)}
-    for b, a in zip(before, after, strict=True):
+    remaining = {(m.where, m.variable): m for m in after}
+    for b in before:
+        a = remaining.get((b.where, b.variable))
         axes = place[b.where, b.variable]
         _draw_map(axes, b, _BEFORE, "before")
-        _draw_map(axes, a, _AFTER, "after")
+        share = f"{max(b.explained, 0.0):.0%}"
+        if a is not None:
+            _draw_map(axes, a, _AFTER, "after")
+            share += f" → {max(a.explained, 0.0):.0%}"
         for line in axes.lines:
             line.set(marker="", linewidth=1.1)
         axes.axhline(0.0, color=style.COMMAND, linewidth=0.5)
-        axes.set_title(f"{max(b.explained, 0.0):.0%} → {max(a.explained, 0.0):.0%}", fontsize=8.0)
+        axes.set_title(share, fontsize=8.0)
         axes.tick_params(labelsize=6.5)
         axes.locator_params(axis="x", nbins=3)
         if b.where == wheres[-1]:
