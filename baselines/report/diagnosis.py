@@ -300,8 +300,8 @@ def _predictions(d: Diagnosis) -> Section:
         rows = [(p.name, _number(p.before), p.unit, p.measured or "–") for p in d.predictions]
         section.table(("prediction", "free fit", "unit", "on the rig"), rows)
     elif d.predictions:
-        rows = [(p.name, _number(p.before), _number(p.after), p.unit, p.measured or "–") for p in d.predictions]
-        section.table(("prediction", "before", "after", "unit", "on the rig"), rows)
+        changes = [(p.name, _number(p.before), _number(p.after), p.unit, p.measured or "–") for p in d.predictions]
+        section.table(("prediction", "before", "after", "unit", "on the rig"), changes)
     return section
 
 
