@@ -4,8 +4,8 @@ The linear drive between two friction directions is :math:`M\ddot q + B\dot q + 
 directions :math:`s_i` read off the measured velocities. The missing forces :math:`g_1, g_2` [V] are states that wander
 slowly, :math:`\tau \dot g = -g + w`; a Kalman filter and the Rauch-Tung-Striebel smoother estimate them with their band from
 the encoder counts (T. J. Rogers, T. Friis, A latent restoring force approach to nonlinear system identification, MSSP 180,
-2022; H. E. Rauch, F. Tung, C. T. Striebel, AIAA J. 3, 1965). After a stretch of faulty counts an encoder may be off by what it lost, so its offset
-is a state too, free to jump there.
+2022; H. E. Rauch, F. Tung, C. T. Striebel, AIAA J. 3, 1965). After a stretch of faulty counts an encoder may be off by what
+it lost, so its offset is a state too, free to jump there.
 
 While a cart rests, friction takes whatever is missing; such samples say nothing and are marked.
 """
