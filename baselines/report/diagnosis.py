@@ -297,8 +297,10 @@ def _recordings(d: Diagnosis) -> Section:
 def _predictions(d: Diagnosis) -> Section:
     section = Section("What the naming changes" if d.findings else "What the drive predicts", "predictions")
     if d.predictions and not d.findings:
-        rows = [(p.name, _number(p.before), p.unit, p.measured or "–") for p in d.predictions]
-        section.table(("prediction", "free fit", "unit", "on the rig"), rows)
+        section.table(
+            ("prediction", "free fit", "unit", "on the rig"),
+            [(p.name, _number(p.before), p.unit, p.measured or "–") for p in d.predictions],
+        )
     elif d.predictions:
         changes = [(p.name, _number(p.before), _number(p.after), p.unit, p.measured or "–") for p in d.predictions]
         section.table(("prediction", "before", "after", "unit", "on the rig"), changes)
