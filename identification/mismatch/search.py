@@ -36,8 +36,8 @@ WAY_MM = 100.0
 TRACK_GAIN, TRACK_FINDING = 0.15, 0.4
 MOST_EFFECTS = 5
 _BATCH = 48
-_REFITS = 7
-_SECOND_STARTS = 2
+_REFITS = 5
+_SECOND_STARTS = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -328,12 +328,12 @@ def _to_refit(screened: Sequence[Screened], leaders: Sequence[Screened], luck: C
     """The leaders in gain and in surprise, other starts for the first of them, and what is known to look like them."""
     chosen = list(leaders[:_REFITS])
     surprising = sorted(leaders, key=lambda s: -luck.surprise(s.candidate.name, s.gain))
-    chosen += [s for s in surprising[:4] if not any(s is c for c in chosen)]
+    chosen += [s for s in surprising[:3] if not any(s is c for c in chosen)]
     alike: set[str] = set()
     for s in (*leaders[:2], *surprising[:1]):
         alike |= {i for e in EFFECTS if e.id == s.candidate.id for i in e.looks_like}
     others = [s for s in leaders[_REFITS:] if s.candidate.id in alike and not any(s is c for c in chosen)]
-    chosen += [s for s in others if s.gain > 0.1 * leaders[0].gain][:3]
+    chosen += [s for s in others if s.gain > 0.1 * leaders[0].gain][:2]
     for s in leaders[:_SECOND_STARTS]:
         others = [o for o in screened if o.candidate.name == s.candidate.name and o is not s and o.gain > 0.3 * s.gain]
         others = [o for o in others if o.candidate.shapes != s.candidate.shapes]
