@@ -3,10 +3,12 @@
 ``python -m benchmarks false_alarms [--draws 100] [--jobs 2]`` simulates lab days of a drive without left-out physics, but as
 restless as a real rig: the free fit of ``mte360_2022`` where its recordings are beside the repository, else the drive of the
 bundled sample's size; with the nuisance forces of :mod:`identification.mismatch.chance`, scaled to the real floor, and
-encoder counts. Every draw is kept in the cache directory, so an interrupted run goes on where it stopped.
+encoder counts. Every draw is kept in the cache directory under the digest of the code, so an interrupted run goes on where it
+stopped.
 """
 
 import argparse
+import hashlib
 import json
 import sys
 import time
@@ -20,7 +22,7 @@ from platformdirs import user_cache_path
 from scipy.stats import beta
 
 from baselines.experiments import FREQUENCIES_HZ, open_loop
-from flexdrive_gym import Drive, Recording, __version__
+from flexdrive_gym import Drive, Recording
 from flexdrive_gym.files import write_atomically
 from identification import diagnose, identify, read_recordings
 from identification.mismatch.chance import _nuisance
@@ -41,7 +43,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2)
     options = parser.parse_args(sys.argv[2:])
     name, values = rig()
-    folder = user_cache_path("flexdrive") / "false_alarms" / f"{__version__}-{name}"
+    folder = user_cache_path("flexdrive") / "false_alarms" / f"{engine()}-{name}"
     todo = [d for d in range(options.draws) if not (folder / f"{d}.json").exists()]
     print(f"{name}: {options.draws} draws, {options.draws - len(todo)} of them done before; results in {folder}")
     joblib.Parallel(n_jobs=options.jobs)(joblib.delayed(one)(values, d, folder / f"{d}.json") for d in todo)
@@ -65,6 +67,14 @@ def interval(count: int, n: int) -> tuple[float, float]:
     low = float(beta.ppf(0.025, count, n - count + 1)) if count else 0.0
     high = float(beta.ppf(0.975, count + 1, n - count)) if count < n else 1.0
     return low, high
+
+
+def engine() -> str:
+    """Digest of what decides: results of another engine are not counted."""
+    code = hashlib.sha256()
+    for path in sorted(p for package in ("identification", "flexdrive_gym") for p in (ROOT / package).rglob("*.py")):
+        code.update(path.read_bytes())
+    return code.hexdigest()[:12]
 
 
 def rig() -> tuple[str, dict[str, float]]:
