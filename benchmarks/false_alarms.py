@@ -25,7 +25,7 @@ from baselines.experiments import FREQUENCIES_HZ, open_loop
 from flexdrive_gym import Drive, Recording
 from flexdrive_gym.files import write_atomically
 from identification import diagnose, identify, read_recordings
-from identification.mismatch.chance import _nuisance
+from identification.mismatch.chance import nuisance
 from identification.mismatch.workbench import Workbench
 from identification.output_error import prepare, simulate_run
 
@@ -107,7 +107,7 @@ def null_day(values: dict[str, float], seed: int) -> list[Recording]:
     runs = [prepare(r) for r in quiet]
     with ThreadPoolExecutor(1) as pool:
         bench = Workbench(runs, pool)
-        pushes = _nuisance(bench, values, [run.measured for run in runs], seed)
+        pushes = nuisance(bench, values, [run.measured for run in runs], seed)
     plain = [np.array(simulate_run(values, run)) for run in runs]
     moved = [np.array(simulate_run(values, run, pushes=push)) for run, push in zip(runs, pushes, strict=True)]
     # the mixture is drawn, its size is the rig's: what remains between runs of the same command

@@ -75,7 +75,7 @@ def null_residuals(
     """Return comparable residuals of the present model under random nuisance, shape (N, draws)."""
     speeds = [[gaussian_filter1d(v, 0.004 / run.sample_time) for v in run.measured] for run in bench.runs]
     forces = [
-        partial(_nuisance, bench, values, speeds, seed) for seed in (int(s) for s in rng.integers(0, 2**63, draws))
+        partial(nuisance, bench, values, speeds, seed) for seed in (int(s) for s in rng.integers(0, 2**63, draws))
     ]
     return bench.comparable(bench.pushed(values, forces, 1.0))
 
@@ -100,9 +100,10 @@ def chance(bench: Workbench, screened: Sequence[Screened], null: FloatArray, pre
     return Chance(names, gains, np.maximum(np.quantile(gains, 0.97, axis=0), 4e-3))
 
 
-def _nuisance(
+def nuisance(
     bench: Workbench, values: Mapping[str, float], speeds: Sequence[Sequence[FloatArray]], seed: int
 ) -> list[FloatArray]:
+    """Return one draw of nuisance forces, for every recording ndarray, shape (2, n) [V]; ``speeds`` are smoothed velocities."""
     rng = np.random.default_rng(seed)
     # what differs from run to run was estimated from these very recordings; the rest varies over what rigs show
     between = bench.spread.get("friction", 0.05) * _log_uniform(rng, *_ABOUT)

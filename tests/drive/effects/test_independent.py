@@ -77,7 +77,7 @@ CASES = {
         {"ground_spring.kg": 2e-3, "ground_spring.kg3": 1e-8, "ground_spring.kg_2": 1e-3, "tilt.F": 0.03},
         {
             "on_1": lambda _t, y, _s: -2e-3 * y[0] - 1e-8 * y[0] ** 3 + 0.03 * 7.6 / 11.0,
-            "on_2": lambda _t, y, _s: 1e-3 * y[2] + 0.03 * 3.4 / 11.0,
+            "on_2": lambda _t, y, _s: -1e-3 * y[2] + 0.03 * 3.4 / 11.0,
         },
         1e-6,
     ),
