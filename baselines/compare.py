@@ -20,6 +20,7 @@ import numpy as np
 
 from baselines.controllers import FAMILIES, SAMPLE_TIME_S, design
 from baselines.empirical_margins import EmpiricalMargins, empirical_margins
+from baselines.execution import Backend, Progress, run_jobs
 from baselines.margins import Margins, margins
 from baselines.metrics import NAMES, TOLERANCE_MM, TRAVEL_MM, Measures, measure
 from baselines.stability_limit import with_rig
@@ -29,12 +30,9 @@ from flexdrive_gym.drive.linear_controller import run_batch
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.references import handout_trajectory
 
-Backend = Literal["threading", "loky", "dask", "sequential"]
-
 DURATION_S = 4.0
 DRAWS = 500
 BLOCK = 25
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -381,7 +379,7 @@ def compare(
         for block in blocks
     ]
     work += [(_margins, (entry.controller, rig, _period(entry), empirical)) for entry in controllers]
-    found = _run(work, backend, jobs, scheduler, progress)
+    found = run_jobs(work, backend, jobs, scheduler, progress)
     per = len(blocks)
     results = []
     for i, entry in enumerate(controllers):
@@ -417,42 +415,6 @@ def _result(
 def _as_measures(row: FloatArray) -> Measures:
     values: dict[str, Any] = dict(zip(NAMES, map(float, row), strict=True))
     return Measures(**{**values, "stable": values["stable"] > 0.5, "success": values["success"] > 0.5})
-
-
-def _run(
-    work: Sequence[tuple[Callable[..., Any], tuple[Any, ...]]],
-    backend: Backend,
-    jobs: int,
-    scheduler: str | None,
-    progress: Progress,
-) -> list[Any]:
-    """Run jobs through joblib, in order of the list, wherever they are computed."""
-    from joblib import Parallel, delayed, parallel_config  # noqa: PLC0415  (slow to import)
-
-    if backend not in ("threading", "loky", "dask", "sequential"):
-        raise ValueError(f"backend: must be threading, loky, dask or sequential; got {backend!r}.")
-    calls = [delayed(function)(*arguments) for function, arguments in work]
-
-    def gather() -> list[Any]:
-        found = []
-        for done in Parallel(return_as="generator")(calls):
-            found.append(done)
-            progress(len(found), len(calls))
-        return found
-
-    if backend != "dask":
-        with parallel_config(backend, n_jobs=1 if backend == "sequential" else jobs):
-            return gather()
-    if scheduler is None:
-        raise ValueError("scheduler: the dask backend needs an address; got none. Pass --scheduler tcp://HOST:PORT.")
-    try:
-        import distributed  # noqa: PLC0415
-    except ImportError as error:
-        raise ValueError("backend: dask is not installed. pip install 'flexdrive[dask]'.") from error
-    client: Any = distributed.Client
-    # the client's own messages about lost workers are no results
-    with client(scheduler, timeout="20s", set_as_default=True), parallel_config("dask"):
-        return gather()
 
 
 def headline(comparison: Comparison) -> list[str]:

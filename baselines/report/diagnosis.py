@@ -222,9 +222,9 @@ def _findings(d: Diagnosis) -> Section:
         rows,
     )
     section.text(
-        "“Explains” is the share of the squared error left by the findings before it. “False alarm” is the probability that "
-        "the largest finding anywhere in the catalogue would be as large if only run-to-run friction, a rough track and "
-        "noise were at work."
+        "“Explains” is the share of the squared error that the drive refitted without the finding leaves and the finding "
+        "removes. “False alarm” is the probability that the largest finding anywhere in the catalogue would be as large "
+        "if only run-to-run friction, a rough track and noise were at work."
     )
     return section
 

@@ -116,20 +116,23 @@ def loads(text: str, where: str = "drive.toml") -> Drive:
         raise ValueError(f"{where}: {error.args[0]}") from error
     source = document.get("provenance", {})
     covariance = document.get("covariance")
-    return Drive(
-        values,
-        intervals,
-        Covariance(tuple(covariance["names"]), np.array(covariance["matrix"], dtype=np.float64))
-        if covariance
-        else None,
-        Provenance(
-            source.get("method", "values"),
-            tuple(source.get("recordings", ())),
-            source.get("version", ""),
-            source.get("note", ""),
-        ),
-        document.get("name", "drive"),
-    )
+    try:
+        return Drive(
+            values,
+            intervals,
+            Covariance(tuple(covariance["names"]), np.array(covariance["matrix"], dtype=np.float64))
+            if covariance
+            else None,
+            Provenance(
+                source.get("method", "values"),
+                tuple(source.get("recordings", ())),
+                source.get("version", ""),
+                source.get("note", ""),
+            ),
+            document.get("name", "drive"),
+        )
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from error
 
 
 def _key(effect_id: str, place: str, short: str) -> str:
