@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import inf, isfinite, sqrt
+from math import inf, isfinite
 from typing import Any, Literal
 
 import numpy as np
@@ -23,6 +23,7 @@ from baselines.empirical_margins import EmpiricalMargins, empirical_margins
 from baselines.execution import Backend, Progress, run_jobs
 from baselines.margins import Margins, margins
 from baselines.metrics import NAMES, TOLERANCE_MM, TRAVEL_MM, Measures, measure
+from baselines.shares import Share, share
 from baselines.stability_limit import with_rig
 from flexdrive_gym import Controller, Drive, LinearController, Observation
 from flexdrive_gym.drive.effects import EFFECTS
@@ -69,17 +70,6 @@ class Case:
     drive: Drive
 
 
-@dataclass(frozen=True)
-class Share:
-    """A share of successes with its 95 % interval (Wilson, J. Am. Stat. Assoc. 22, 1927)."""
-
-    hits: int
-    trials: int
-    value: float
-    low: float
-    high: float
-
-
 @dataclass(frozen=True, eq=False)
 class Result:
     """What the comparison found of one controller.
@@ -115,8 +105,6 @@ class Result:
     @property
     def effect_share(self) -> Share | None:
         """Share of effects at their typical size with which the controller still succeeds."""
-        if not self.effects:
-            return None
         return share([m.success for m in self.effects.values()])
 
 
@@ -140,16 +128,6 @@ class Comparison:
     duration: float
     seed: int
     skipped: Mapping[str, str] = field(default_factory=dict)
-
-
-def share(hits: Sequence[bool]) -> Share:
-    """Return a share with its Wilson interval."""
-    n, k, z = len(hits), int(np.sum(hits)), 1.959963984540054
-    p = k / n
-    centre, half = p + z**2 / (2 * n), z * sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
-    scale = 1.0 + z**2 / n
-    # at the ends round-off shall not leave 0 or 1 outside
-    return Share(k, n, p, max(0.0, (centre - half) / scale), min(1.0, max(p, (centre + half) / scale)))
 
 
 def entries(
@@ -404,8 +382,8 @@ def _result(
         nominal=next(m for m, c in zip(all_measures, cases, strict=True) if c.group == "nominal"),
         margins=analytic,
         empirical=by_trial,
-        draws=share([m.success for m in drawn]) if drawn else None,
-        stable_draws=share([m.stable for m in drawn]) if drawn else None,
+        draws=share([m.success for m in drawn]),
+        stable_draws=share([m.stable for m in drawn]),
         draw_rms=(float(low), float(middle), float(high)) if drawn else None,
         effects={c.name: m for m, c in zip(all_measures, cases, strict=True) if c.group == "effect"},
         measures=table,

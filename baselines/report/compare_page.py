@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from baselines.compare import Comparison, Result, Share, headline, run_controller
+from baselines.compare import Comparison, Result, headline, run_controller
 from baselines.controllers import SAMPLE_TIME_S
 from baselines.report import control_plots as plots
 from baselines.report.design_page import cell
 from baselines.report.page import Section, render
+from baselines.shares import Share
 from flexdrive_gym import LinearController, __version__
 from flexdrive_gym.references import handout_trajectory
 

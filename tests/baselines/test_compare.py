@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from baselines.compare import Entry, cases_of, compare, entries, headline, share, typical_effects
+from baselines.compare import Entry, cases_of, compare, entries, headline, typical_effects
 from baselines.report.compare_page import build_compare_page
+from baselines.shares import share
 from baselines.stability_limit import with_rig
 from flexdrive_gym import Covariance, Drive
 from flexdrive_gym.drive.effects import EFFECTS

@@ -49,7 +49,7 @@ def folder(tmp_path_factory):
 
 def test_the_contract_names_every_command():
     assert set(COMMANDS) == {
-        "demo", "identify", "validate", "stability", "experiment", "diagnose", "design", "compare", "report"
+        "demo", "identify", "validate", "stability", "experiment", "diagnose", "design", "compare", "report", "blind"
     }  # fmt: skip
 
 

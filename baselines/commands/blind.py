@@ -1,0 +1,88 @@
+"""``flexdrive blind``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from baselines.commands._output import Json, number, print_json, progress, say, table
+from baselines.commands.compare import Backend
+
+if TYPE_CHECKING:
+    from baselines.trial.summary import Summary
+
+
+def blind(
+    output: Annotated[
+        Path, typer.Option("--output", "-o", file_okay=False, help="Folder of the study; an interrupted one goes on.")
+    ] = Path("blind"),
+    trials: Annotated[int, typer.Option("--trials", "-n", min=1, help="Concealed lab days; 200 tell the rates.")] = 20,
+    seed: Annotated[int, typer.Option(min=0, help="Everything follows from it.")] = 0,
+    backend: Annotated[
+        Backend, typer.Option(help="Where trials are computed; the answers do not change.")
+    ] = Backend.threading,
+    jobs: Annotated[int, typer.Option(help="Trials at a time on this machine; -1: as many as cores.")] = -1,
+    scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, tcp://HOST:PORT.")] = None,
+    json: Json = False,
+) -> None:
+    """Put the diagnosis to a concealed trial: rigs of an independent program, whose truth is sealed before the diagnosis.
+
+    A trial takes about half a minute of one core. What is done is kept in the folder; the same command goes on where it
+    was interrupted.
+    """
+    from baselines.report.trial_page import build_trial_page  # noqa: PLC0415
+    from baselines.trial.judge import judge  # noqa: PLC0415
+    from baselines.trial.study import conduct_study, engine  # noqa: PLC0415
+    from baselines.trial.summary import summarise  # noqa: PLC0415
+    from flexdrive_gym.files import write_atomically  # noqa: PLC0415
+
+    with progress() as bar:
+        task = bar.add_task("trials", total=trials)
+        found = conduct_study(
+            output,
+            trials,
+            seed=seed,
+            backend=backend.value,
+            jobs=jobs,
+            scheduler=scheduler,
+            progress=lambda done, total: bar.update(task, completed=done, total=total),
+        )
+    judged = [judge(outcome) for outcome in found]
+    summary = summarise(judged)
+    page = write_atomically(
+        output / "trial.html",
+        build_trial_page(summary, judged, command=f"flexdrive blind --trials {trials} --seed {seed}", engine=engine()),
+    )
+    if json:
+        print_json({"summary": summary, "trials": judged, "page": page})
+        return
+    print_summary(summary)
+    say(f"wrote {page}; truths in {output / 'sealed'}, outcomes in {output / 'trials'}")
+
+
+def print_summary(summary: Summary) -> None:
+    """Print the figures of a study."""
+    from baselines.trial.summary import headline  # noqa: PLC0415
+
+    table(
+        f"{summary.trials} concealed trials" + (f", {summary.failed} failed" if summary.failed else ""),
+        ["", "value (95 % interval)", "aim"],
+        headline(summary),
+    )
+    sizes = sorted({s for d in summary.detection for s in d.by_size})
+    table(
+        "named exactly or in a tie, by size; size named in 50 % and 90 % of trials",
+        ["effect", *(f"× {s:g}" for s in sizes), "50 %", "90 %"],
+        [
+            [d.name, *("/".join(map(str, d.by_size[s])) if s in d.by_size else "" for s in sizes), number(d.half, 2),
+             number(d.nine_tenths, 2)]
+            for d in summary.detection
+        ],
+    )  # fmt: skip
+    table(
+        "parameters that mean the same to both programs",
+        ["parameter", "median error", "truth inside the 95 % interval"],
+        [[a.name, f"{a.median_error:.1%}", str(a.inside)] for a in (*summary.base, *summary.effects)],
+    )

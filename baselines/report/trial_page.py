@@ -1,0 +1,110 @@
+"""The page of ``flexdrive blind``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from baselines.report import trial_plots as plots
+from baselines.report.page import Section, render
+from baselines.shares import Share
+from baselines.trial.judge import Judged
+from baselines.trial.summary import Summary, headline
+from flexdrive_gym import __version__
+
+
+def build_trial_page(summary: Summary, trials: Sequence[Judged], *, command: str, engine: str) -> str:
+    """Return the page as HTML: aims, confusion, detection limits, parameters, every trial."""
+    sections = [_aims(summary), _confusion(summary), _detection(summary), _worth(summary, trials), _all(trials)]
+    return render(
+        title="Concealed trial of the diagnosis",
+        subtitle=f"{summary.trials} lab days of rigs simulated by an independent program; truths sealed before the diagnosis",
+        summary=_sentences(summary),
+        sections=[s for s in sections if s.blocks],
+        footer=f"Made by flexdrive {__version__}, code {engine}: {command}.",
+    )
+
+
+def _sentences(summary: Summary) -> list[str]:
+    said = []
+    if summary.named is not None and summary.exact is not None:
+        said.append(
+            f"Of single effects at half the plainly present size and above, {summary.named.value:.0%} are named "
+            f"({summary.exact.value:.0%} exactly, the others in a tie)."
+        )
+    if summary.null_names is not None and summary.false_names is not None:
+        said.append(
+            f"Where nothing is concealed, {summary.null_names.hits} of {summary.null_names.trials} diagnoses give a name; "
+            f"{summary.false_names.value:.0%} of all trials have a name of something that is not there."
+        )
+    if summary.outside_unnamed is not None:
+        said.append(f"Effects in nobody's catalogue are reported as unnamed in {summary.outside_unnamed}.")
+    return said
+
+
+def _aims(summary: Summary) -> Section:
+    section = Section("Figures", "figures")
+    section.table(("", "value (95 % interval)", "aim"), headline(summary))
+    section.table(
+        ("size of a single effect", "named exactly or in a tie"),
+        [(f"{size:g}", str(named)) for size, named in summary.by_size.items()],
+    )
+    return section
+
+
+def _confusion(summary: Summary) -> Section:
+    section = Section("What was said of what", "confusion")
+    if summary.confusion:
+        section.figure(plots.plot_confusion(summary), "Number of trials; a pair counts once for each of its effects.")
+    return section
+
+
+def _detection(summary: Summary) -> Section:
+    section = Section("From which size on", "detection")
+    if summary.detection:
+        section.figure(
+            plots.plot_detection(summary),
+            "Logistic curves with a common slope; with few trials an effect's limit leans on the others'.",
+        )
+    return section
+
+
+def _worth(summary: Summary, trials: Sequence[Judged]) -> Section:
+    section = Section("What the names are good for", "worth")
+    section.figure(
+        plots.plot_gains(trials),
+        "Left: the critical gain from x2 that each drive predicts. Right: how near the floor the diagnosis comes on "
+        "recordings kept away.",
+    )
+    section.table(
+        ("parameter", "median relative error", "truth inside the 95 % interval"),
+        [(a.name, f"{a.median_error:.1%}", _share(a.inside)) for a in (*summary.base, *summary.effects)],
+    )
+    return section
+
+
+def _share(share: Share | None) -> str:
+    return "–" if share is None else str(share)
+
+
+def _all(trials: Sequence[Judged]) -> Section:
+    section = Section("Every trial", "trials", folded=True)
+    section.table(
+        ("trial", "kind", "concealed", "found", "rms kept away, before → after (floor) [mm/s]", "faults", "time [s]"),
+        [
+            (
+                str(t.number),
+                t.kind,
+                "; ".join([f"{c.name} × {c.size:g}" for c in t.concealed] + ([t.outside] if t.outside else []))
+                or "nothing",
+                t.failed
+                or "; ".join([*t.findings, *(["unnamed"] if t.unnamed else [])])
+                + "".join(f" ({c.name} in a tie)" for c in t.concealed if c.named == "tie")
+                or "nothing",
+                f"{t.before:.2f} → {t.after:.2f} ({t.floor:.2f})",
+                f"{t.faults_found} of {t.faults}" if t.faults else "–",
+                f"{t.seconds:.0f}",
+            )
+            for t in trials
+        ],
+    )
+    return section

@@ -1,0 +1,88 @@
+"""One trial from beginning to end: conceal, seal, diagnose elsewhere, open the seal."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from baselines.trial.plan import Trial
+from flexdrive_gym.files import write_atomically
+
+# one thread each: a study keeps the cores busy with trials
+_THREADS = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+
+
+def sealed(folder: Path, number: int) -> Path:
+    """Return the file of a trial's truth."""
+    return folder / "sealed" / f"{number:04d}.json"
+
+
+def opened(folder: Path, number: int) -> Path:
+    """Return the file of a trial's outcome."""
+    return folder / "trials" / f"{number:04d}.json"
+
+
+def conduct(trial: Trial, folder: Path) -> int:
+    """Run one trial and write its outcome; return its number.
+
+    The recordings lie in a temporary folder of their own, which is all that the diagnosing process is told of. A diagnosis
+    that fails is an outcome too.
+
+    Raises
+    ------
+    ValueError
+        If the truth is no longer what was sealed.
+    """
+    folder, truth = folder.resolve(), sealed(folder.resolve(), trial.number)
+    with tempfile.TemporaryDirectory(prefix="flexdrive-") as name:
+        recordings, result = Path(name) / "recordings", Path(name) / "answer.json"
+        made = _python("baselines.blind.make", *_concealing(trial), "-o", str(recordings), "--truth", str(truth))
+        if made.returncode:
+            raise ValueError(f"trial {trial.number}: its rig could not be made: {made.stderr.strip()}")
+        digest = made.stdout.split()[0]
+        begin = time.perf_counter()
+        run = _python("baselines.trial.diagnosing", str(recordings), str(result), str(trial.seed), cwd=name)
+        seconds = time.perf_counter() - begin
+        failed = None if run.returncode == 0 else run.stderr.strip().rsplit("\n", maxsplit=1)[-1]
+        answer = json.loads(result.read_text()) if failed is None else None
+    text = truth.read_text()
+    if hashlib.sha256(text.encode()).hexdigest() != digest:
+        raise ValueError(
+            f"trial {trial.number}: the truth in {truth} is not what was sealed; its hash should be {digest}."
+        )
+    outcome = {
+        "trial": vars(trial),
+        "sha256": digest,
+        "truth": json.loads(text),
+        "answer": answer,
+        "failed": failed,
+        "seconds": seconds,
+    }
+    write_atomically(opened(folder, trial.number), json.dumps(outcome))
+    return trial.number
+
+
+def _concealing(trial: Trial) -> list[str]:
+    arguments = ["--seed", str(trial.seed), "--kind", trial.kind]
+    if trial.effect is not None:
+        arguments += ["--effect", "@".join(trial.effect)]
+    if trial.size is not None:
+        arguments += ["--size", str(trial.size)]
+    return arguments
+
+
+def _python(module: str, *arguments: str, cwd: str | None = None) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(  # noqa: S603  (our own modules, no shell)
+        [sys.executable, "-m", module, *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=cwd,
+        env={**os.environ, **_THREADS},
+    )

@@ -1,0 +1,92 @@
+"""All trials of a study: on all cores or a cluster, interrupted and resumed at will."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from baselines.execution import Backend, Progress, run_jobs
+from baselines.trial.one import conduct, opened
+from baselines.trial.plan import Trial, plan
+from flexdrive_gym.files import write_atomically
+
+_DECIDES = ("baselines/blind", "identification", "flexdrive_gym")
+
+
+def engine() -> str:
+    """Return a digest of the code that makes and diagnoses: outcomes of different code are not mixed."""
+    code = hashlib.sha256()
+    for package in _DECIDES:
+        spec = find_spec(package.replace("/", "."))
+        assert spec is not None
+        assert spec.origin is not None
+        for path in sorted(Path(spec.origin).parent.rglob("*.py")):
+            code.update(path.read_bytes())
+    return code.hexdigest()[:12]
+
+
+def conduct_study(
+    folder: Path,
+    trials: int,
+    *,
+    seed: int = 0,
+    backend: Backend = "threading",
+    jobs: int = -1,
+    scheduler: str | None = None,
+    progress: Progress = lambda _done, _all: None,
+) -> list[Mapping[str, Any]]:
+    """Run the trials that have no outcome yet; return the outcomes of all, in order.
+
+    Parameters
+    ----------
+    folder
+        Holds ``study.json``, the sealed truths and the outcomes; with ``dask``, one that all workers see.
+    trials, seed
+        What :func:`baselines.trial.plan.plan` is asked for.
+    backend, jobs, scheduler
+        Where trials are computed; the outcomes do not depend on it.
+    progress
+        Called with the number of trials done and of all.
+
+    Raises
+    ------
+    ValueError
+        If the folder holds another study.
+    """
+    chosen = plan(trials, seed)
+    _enter(folder, {"trials": trials, "seed": seed, "engine": engine()})
+    todo = [t for t in chosen if not opened(folder, t.number).exists()]
+    done = len(chosen) - len(todo)
+    progress(done, len(chosen))
+    run_jobs(
+        [(conduct, (t, folder.resolve())) for t in todo],
+        backend,
+        jobs,
+        scheduler,
+        lambda finished, _: progress(done + finished, len(chosen)),
+    )
+    return outcomes(folder, chosen)
+
+
+def outcomes(folder: Path, trials: tuple[Trial, ...]) -> list[Mapping[str, Any]]:
+    """Return the outcomes that there are, in order."""
+    files = [opened(folder, t.number) for t in trials]
+    return [json.loads(f.read_text()) for f in files if f.exists()]
+
+
+def _enter(folder: Path, settings: Mapping[str, object]) -> None:
+    file = folder / "study.json"
+    if file.exists():
+        there = json.loads(file.read_text())
+        for name, value in settings.items():
+            if there.get(name) != value:
+                raise ValueError(
+                    f"output: {folder} holds a study with {name} {there.get(name)!r}, not {value!r}. Give another folder, or "
+                    "remove that one."
+                )
+        return
+    write_atomically(file, json.dumps(settings, indent=1) + "\n")

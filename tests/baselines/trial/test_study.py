@@ -1,0 +1,102 @@
+"""A trial conceals, seals and diagnoses apart; a study resumes and does not mix."""
+
+import hashlib
+import json
+import subprocess
+import sys
+
+import pytest
+
+from baselines.trial import one, study
+from baselines.trial.judge import judge
+from baselines.trial.plan import Trial, plan
+from tests.baselines.trial.outcomes import outcome
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Trials that take no time; returns the numbers of those conducted."""
+    conducted = []
+
+    def conduct(trial, folder):
+        conducted.append(trial.number)
+        path = one.opened(folder, trial.number)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(outcome("null", number=trial.number)))
+        return trial.number
+
+    monkeypatch.setattr(study, "conduct", conduct)
+    return conducted
+
+
+def test_what_is_done_is_not_done_again(quick, tmp_path):
+    study.conduct_study(tmp_path, 4, backend="sequential")
+    one.opened(tmp_path, 2).unlink()
+    quick.clear()
+    seen = []
+    found = study.conduct_study(tmp_path, 4, backend="sequential", progress=lambda *p: seen.append(p))
+    assert quick == [2]
+    assert seen == [(3, 4), (4, 4)]
+    assert [o["trial"]["number"] for o in found] == [0, 1, 2, 3]
+
+
+def test_another_study_is_not_mixed_in(quick, tmp_path):
+    study.conduct_study(tmp_path, 2, backend="sequential")
+    with pytest.raises(ValueError, match=r"holds a study with seed 0, not 1\. Give another folder"):
+        study.conduct_study(tmp_path, 2, seed=1, backend="sequential")
+
+
+def test_a_rig_that_cannot_be_made_is_an_error(tmp_path):
+    wrong = Trial(0, 1, "effect", ("stribeck", "the moon"), 1.0)
+    with pytest.raises(ValueError, match="trial 0: its rig could not be made: error: effect: nothing makes 'stribeck'"):
+        one.conduct(wrong, tmp_path)
+    assert not one.opened(tmp_path, 0).exists()
+
+
+def test_the_diagnosing_process_is_told_of_the_recordings_only(monkeypatch, tmp_path):
+    told = []
+    real = one._python
+
+    def watched(module, *arguments, cwd=None):
+        told.append((module, arguments, cwd))
+        if module == "baselines.trial.diagnosing":
+            return subprocess.CompletedProcess([], 1, "", "Traceback\nValueError: enough seen")
+        return real(module, *arguments, cwd=cwd)
+
+    monkeypatch.setattr(one, "_python", watched)
+    one.conduct(plan(1)[0], tmp_path)
+    (made, making, _), (diagnosed, arguments, cwd) = told
+    assert (made, diagnosed) == ("baselines.blind.make", "baselines.trial.diagnosing")
+    assert all(str(tmp_path) not in a for a in (*arguments, cwd))
+    assert making[making.index("--truth") + 1].startswith(str(tmp_path))
+    written = json.loads(one.opened(tmp_path, 0).read_text())
+    assert written["failed"] == "ValueError: enough seen"
+    assert written["sha256"] == hashlib.sha256(one.sealed(tmp_path, 0).read_bytes()).hexdigest()
+    assert judge(written).failed
+
+
+def test_a_truth_that_was_changed_is_noticed(monkeypatch, tmp_path):
+    real = one._python
+
+    def tampered(module, *arguments, cwd=None):
+        if module != "baselines.trial.diagnosing":
+            return real(module, *arguments, cwd=cwd)
+        truth = one.sealed(tmp_path, 0)
+        truth.write_text(truth.read_text().replace('"seed"', '"Seed"'))
+        return subprocess.CompletedProcess([], 1, "", "no")
+
+    monkeypatch.setattr(one, "_python", tampered)
+    with pytest.raises(ValueError, match="is not what was sealed"):
+        one.conduct(plan(1)[0], tmp_path)
+
+
+@pytest.mark.slow
+def test_a_trial_from_beginning_to_end(tmp_path):
+    result = subprocess.run(
+        [sys.executable, "-m", "baselines.commands", "blind", "--trials", "1", "-o", str(tmp_path), "--json"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    found = json.loads(result.stdout)
+    assert found["summary"]["failed"] == 0
+    assert (tmp_path / "trial.html").exists()
