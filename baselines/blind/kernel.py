@@ -110,6 +110,7 @@ TRACK_POINTS = round(2 * TRACK_HALF_MM / TRACK_STEP_MM) + 1
 FRICTION_1, FRICTION_2, VISCOUS_1, VISCOUS_2, FORCE_1, FORCE_2, GAIN = range(7)
 # rows of the tables along the track: friction (relative) and force [V] on each cart
 ROUGH_1, ROUGH_2, HILL_1, HILL_2 = range(4)
+LAW_HEAD = 3  # a controller's limit [V], friction level [V] and its threshold [mm/s], then its matrices
 
 _SLIDERS = 8
 _RING = 1024  # fine steps an encoder can look back, 20 ms
@@ -272,20 +273,29 @@ def _transmit(xm: float, vm: float, x1: float, v1: float, slider: float, p: Floa
 
 
 @compiled
+def _decide(law: FloatArray, n: int, z: FloatArray, xr: float, y1: float, y2: float) -> float:
+    """Return a controller's command [V] and advance its n states z; the law's layout is :meth:`rig.Law.flat`'s."""
+    rows = law[LAW_HEAD:].reshape((n + 2, n + 4))
+    put = np.zeros(n + 2)
+    for i in range(n + 2):
+        put[i] = rows[i, n] * xr + rows[i, n + 1] * y1 + rows[i, n + 2] * y2
+        for j in range(n):
+            put[i] += rows[i, j] * z[j]
+    u = put[n]
+    if law[1] != 0.0:
+        u += law[1] * min(max(put[n + 1] / law[2], -1.0), 1.0)
+    allowed = min(max(u, -law[0]), law[0])
+    for i in range(n):
+        z[i] = put[i] + rows[i, n + 3] * (allowed - u)
+    return allowed
+
+
+@compiled
 def advance_run(
-    p: FloatArray,
-    over_time: FloatArray,
-    track: FloatArray,
-    start: FloatArray,
-    command: FloatArray,
-    gain: float,
-    feedback: int,
-    steps: int,
-    u: FloatArray,
-    counts: FloatArray,
-    states: FloatArray,
+    p: FloatArray, over_time: FloatArray, track: FloatArray, start: FloatArray, command: FloatArray, law: FloatArray,
+    order: int, factor: float, ahead: FloatArray, steps: int, u: FloatArray, counts: FloatArray, states: FloatArray,
     shown: FloatArray,
-) -> None:
+) -> None:  # fmt: skip
     """Run from ``start`` (x1, x2 [mm], encoder phases) and fill u, counts, states and shown; see :func:`rig.run`."""
     h = SAMPLE_S / steps
     c1, c2 = 0, CART
@@ -294,7 +304,7 @@ def advance_run(
     y1, y2 = x1, x2  # what play leaves
     ring1, ring2 = np.full(_RING, x1), np.full(_RING, x2)
     back1, back2 = round(p[c1 + _LATE] / h), round(p[c2 + _LATE] / h)
-    bristles, sliders = np.zeros(2), np.full(_SLIDERS, x1 - x2)
+    bristles, sliders, memory = np.zeros(2), np.full(_SLIDERS, x1 - x2), np.zeros(max(order, 0))
     held, amplified, slewed, maxwell, slider = 0.0, 0.0, 0.0, 0.0, 0.0
     age1, age2, sign1, sign2, a1, a2 = 9.0, 9.0, 0.0, 0.0, 0.0, 0.0
     m1, m2 = p[c1 + _M] * (1.0 - p[_ROTOR]), p[c2 + _M]
@@ -308,8 +318,9 @@ def advance_run(
         counts[0, i] = math.floor(shown[0, i] / COUNT_MM + start[2]) - zero1
         counts[1, i] = math.floor(shown[1, i] / COUNT_MM + start[3]) - zero2
         u[i] = command[i]
-        if gain > 0.0:
-            u[i] = min(max(gain * (command[i] - COUNT_MM * counts[feedback - 1, i]), -LIMIT_V), LIMIT_V)
+        if order >= 0:
+            wish = _decide(law, order, memory, command[i], COUNT_MM * counts[0, i], COUNT_MM * counts[1, i])
+            u[i] = min(max(factor * wish + ahead[i], -LIMIT_V), LIMIT_V)
         for j in range(steps):
             f = (j + 0.5) / steps
             past = i + math.floor((j + 0.5 - p[_WAIT] / h) / steps)

@@ -15,9 +15,10 @@ from math import inf
 from pkgutil import iter_modules
 
 from baselines.controllers._design import LAB_4, SAMPLE_TIME_S, Design, Family, Specification
+from baselines.controllers._effective import effective, rescaled
 from flexdrive_gym import Drive
 
-__all__ = ["FAMILIES", "LAB_4", "SAMPLE_TIME_S", "Design", "Family", "Specification", "design"]
+__all__ = ["FAMILIES", "LAB_4", "SAMPLE_TIME_S", "Design", "Family", "Specification", "design", "effective"]
 
 _ORDER = ("p_control", "loop_shaping", "pd", "input_shaping", "cascade", "friction_compensation", "lqg", "h_infinity")
 
@@ -40,7 +41,8 @@ def design(name: str, drive: Drive, *, sample_time: float = SAMPLE_TIME_S, limit
     name
         Key of :data:`FAMILIES`.
     drive
-        The identified drive; its linear part (and friction levels, where they are compensated) are all that a design reads.
+        The identified drive; a design reads its linear part, the effects that act like a delay, a mass or a scale, and the
+        friction levels where they are compensated.
     sample_time
         Control period [s].
     limit
@@ -56,4 +58,5 @@ def design(name: str, drive: Drive, *, sample_time: float = SAMPLE_TIME_S, limit
         hint = f" Did you mean {near[0]!r}?" if near else ""
         raise ValueError(f"controllers: must be among {', '.join(FAMILIES)}; got {name!r}.{hint}")
     made = FAMILIES[name].made(drive, sample_time)
-    return replace(made, controller=made.controller.replace(limit=min(limit, drive.voltage_limit)))
+    controller = rescaled(made.controller, drive)
+    return replace(made, controller=controller.replace(limit=min(limit, drive.voltage_limit)))

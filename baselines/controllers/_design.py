@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from baselines.controllers._effective import effective
 from baselines.loops import is_stable, linear_part, loop_response
 from flexdrive_gym import Drive, LinearController
 from flexdrive_gym.drive.default import HANDOUT_QUANTUM_MM
@@ -93,16 +94,18 @@ class Design:
 class Family:
     """A leaf of the registry: a name, a sentence, and the function that designs the controller for a drive.
 
-    ``design`` takes a drive and a sample time [s]; the command limit is no part of a design and is set afterwards.
+    ``design`` takes a drive and a sample time [s]; the command limit is no part of a design and is set afterwards. ``reads`` says
+    which encoders the controller hears, whose delays the design has to count.
     """
 
     name: str
     about: str
     design: Callable[[Drive, float], Design]
+    reads: tuple[str, ...] = ("x2",)
 
     def made(self, drive: Drive, sample_time: float) -> Design:
-        """Return the design for a drive; a search is done once for the same numbers."""
-        return _made(self, tuple(drive.values.items()), sample_time)
+        """Return the design for a drive as linear theory sees it; a search is done once for the same numbers."""
+        return _made(self, tuple(effective(drive, self.reads).values.items()), sample_time)
 
 
 @lru_cache(maxsize=128)

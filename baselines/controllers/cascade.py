@@ -46,4 +46,4 @@ def _design(drive: Drive, sample_time: float) -> Design:
     return Design(best, "PD from x1, outer loop from x2, feed-forward", "x1, x2", values, (note,) if note else ())
 
 
-FAMILIES = (Family("cascade", "collocated PD with an outer loop from x2", _design),)
+FAMILIES = (Family("cascade", "collocated PD with an outer loop from x2", _design, ("x1", "x2")),)

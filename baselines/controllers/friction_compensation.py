@@ -53,7 +53,7 @@ def _family(base: Family) -> Family:
         controller = compensated(inner.controller, level).replace(name=name)
         return Design(controller, f"{inner.title}, friction compensated", inner.feedback, values, inner.notes)
 
-    return Family(name, f"{base.about}, with model-based friction compensation", design)
+    return Family(name, f"{base.about}, with model-based friction compensation", design, base.reads)
 
 
 FAMILIES = tuple(_family(f) for f in (*LOOP_SHAPING, *CASCADE) if f.name in {"lab4", "cascade"})

@@ -59,4 +59,4 @@ def _design(drive: Drive, sample_time: float) -> Design:
     return Design(pd.controller.replace(shaper=shaper, name="pd_shaped"), "PD from x1, reference shaped", "x1", values)
 
 
-FAMILIES = (Family("pd_shaped", "PD from x1 with a zero-vibration shaper on the reference", _design),)
+FAMILIES = (Family("pd_shaped", "PD from x1 with a zero-vibration shaper on the reference", _design, ("x1",)),)

@@ -133,7 +133,7 @@ def _family(name: str, sensors: tuple[str, ...]) -> Family:
             best, f"LQG with disturbance estimate from {where}", ", ".join(sensors), values, (note,) if note else ()
         )
 
-    return Family(name, f"LQG with disturbance estimate from {where}", design)
+    return Family(name, f"LQG with disturbance estimate from {where}", design, sensors)
 
 
 FAMILIES = (_family("lqg", ("x2",)), _family("lqg_both", ("x1", "x2")))

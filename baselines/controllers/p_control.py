@@ -86,7 +86,7 @@ def _design(feedback: Feedback) -> Family:
             proportional(Kp, feedback, sample_time), f"P from {feedback}, PM = 30° ({where})", feedback, values, notes
         )
 
-    return Family(f"p_{feedback}", f"P-control from {feedback} with a phase margin of 30°", design)
+    return Family(f"p_{feedback}", f"P-control from {feedback} with a phase margin of 30°", design, (feedback,))
 
 
 FAMILIES = (_design("x2"), _design("x1"))

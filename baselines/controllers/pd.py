@@ -66,4 +66,4 @@ def _design(drive: Drive, sample_time: float) -> Design:
     return Design(best, "PD from x1 with feed-forward (collocated)", "x1", values, (note,) if note else ())
 
 
-FAMILIES = (Family("pd_x1", "PD from x1 with feed-forward", _design),)
+FAMILIES = (Family("pd_x1", "PD from x1 with feed-forward", _design, ("x1",)),)

@@ -177,3 +177,25 @@ def test_unknown_names_and_rigid_drives_are_refused():
         design("lab4", Drive({"m1": 1e-3, "b1": 0.01}))
     rigid = design("p_x1", Drive({"m1": 1e-3, "b1": 0.01, "d1": 0.3}))
     assert is_stable(Drive({"m1": 1e-3, "b1": 0.01}), rigid.controller)
+
+
+@pytest.mark.parametrize("name", ["lab4", "lqg", "p_x2"])
+def test_a_lag_and_a_late_encoder_count_as_delay(name):
+    late = RIG_DRIVE.replace({"input_delay.tau": 0.006})
+    folded = RIG_DRIVE.replace({"amplifier_lag.tau": 0.004, "encoder_delay.encoder_2.tau": 0.002})
+    assert np.allclose(design(name, folded).controller.law(), design(name, late).controller.law())
+    # encoder 1 is not in this loop
+    other = RIG_DRIVE.replace({"encoder_delay.encoder_1.tau": 0.005})
+    assert np.allclose(design(name, other).controller.law(), design(name, RIG_DRIVE).controller.law())
+
+
+def test_the_motor_behind_a_gap_is_part_of_the_mass():
+    split = RIG_DRIVE.replace({"m1": 0.6 * RIG_DRIVE["m1"], "motor_gear_backlash.mass": 0.4 * RIG_DRIVE["m1"]})
+    assert np.allclose(design("pd_x1", split).controller.law(), design("pd_x1", RIG_DRIVE).controller.law())
+
+
+def test_an_encoder_that_reads_too_much_is_corrected():
+    drive = RIG_DRIVE.replace({"encoder_scale.s": 0.02})
+    plain, corrected = (design("lab4", d).controller for d in (RIG_DRIVE, drive))
+    assert np.allclose(1.02 * corrected.D[:, 2], plain.D[:, 2])
+    assert np.array_equal(corrected.D[:, :2], plain.D[:, :2])

@@ -1,0 +1,379 @@
+"""What a better model of the drive is worth: controllers designed on identified drives, run on the concealed rig.
+
+The same designs are made on each drive (the handout's tied fit, the free fit, the diagnosed drive) and run on one concealed
+rig. All meet the same nuisance, so that figures of one rig may be compared in pairs; over rigs the medians of these pairs'
+ratios say by how much a diagnosis pays.
+
+Tracking is the handout's trajectory, in three runs after the recorded day, each with its own nuisance. The gain margin is found
+by trial on the rig without nuisance. ``p_x2_half`` is P-control from x2 at half of the critical gain that the drive predicts: its
+actual margin would be 2 if the prediction were right. ``lab4_ahead`` is Lab 4 with the command that all the physics of its drive
+asks for along the trajectory (:mod:`baselines.ahead`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from baselines.ahead import command_ahead
+from baselines.blind.critical_gain import LARGEST_FACTOR, critical_gain, gain_margin
+from baselines.blind.ingredients import rig_values
+from baselines.blind.kernel import LIMIT_V
+from baselines.blind.rig import Law, run
+from baselines.blind.trials import after_the_day
+from baselines.blind.truth import Truth
+from baselines.controllers import FAMILIES, SAMPLE_TIME_S, design, effective
+from baselines.controllers.p_control import proportional
+from baselines.margins import margins as analytic
+from baselines.metrics import measure
+from baselines.stability_limit import critical_gain as predicted_critical_gain
+from baselines.stability_limit import with_rig
+from flexdrive_gym import Drive, LinearController
+from flexdrive_gym.recording import FloatArray
+from flexdrive_gym.references import handout_trajectory
+
+P_HALF, AHEAD = "p_x2_half", "_ahead"
+DESIGNS = (P_HALF, "lab4", "lab4_friction", "lqg", f"lab4{AHEAD}")
+SHARE = 0.5
+DURATION_S = 8.0
+RUNS = 3
+# of all samples at the command's limit; a stable loop on the handout's trajectory needs it for moments only
+VIBRATING_SHARE = 0.1
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One design, made on one drive, on the rig.
+
+    Attributes
+    ----------
+    drive, design
+        Names.
+    rms, peak
+        Of xr - x2 [mm]; ``None`` where the design refused the drive.
+    effort
+        rms of the command [V].
+    stable
+        Within the travel, not growing and not vibrating between the command's limits, in every run.
+    gain_margin
+        Smallest factor on the command that makes the rig unstable by the contract's rule []; 20 stands for 20 and more.
+    linear_margin
+        The same on the rig without its dry friction: what linear theory means by a margin.
+    predicted_margin
+        What the drive promised: 2 for ``p_x2_half`` (to be held against ``gain_margin``), the design's own linear margin for the
+        others (against ``linear_margin``); ``None`` where it is infinite.
+    refused
+        Why the drive was refused; empty where it was not.
+    """
+
+    drive: str
+    design: str
+    rms: float | None = None
+    peak: float | None = None
+    effort: float | None = None
+    stable: bool = False
+    gain_margin: float | None = None
+    linear_margin: float | None = None
+    predicted_margin: float | None = None
+    refused: str = ""
+
+    @property
+    def margin(self) -> float | None:
+        """By the contract's rule for P-control, which its gain was made for; without dry friction for all others."""
+        return self.gain_margin if self.design == P_HALF else self.linear_margin
+
+
+@dataclass(frozen=True)
+class Payoff:
+    """All designs on all drives, on one concealed rig.
+
+    Attributes
+    ----------
+    true_critical_gain
+        Of P-control from x2 on the rig [V/mm]; ``None`` where none exists below 10 V/mm.
+    predicted_critical_gain
+        What each drive predicts for it [V/mm].
+    outcomes
+        One per drive and design.
+    """
+
+    true_critical_gain: float | None
+    predicted_critical_gain: Mapping[str, float | None]
+    outcomes: tuple[Outcome, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the result as plain numbers, text, lists and dictionaries."""
+        return {
+            "true_critical_gain": self.true_critical_gain,
+            "predicted_critical_gain": dict(self.predicted_critical_gain),
+            "outcomes": [asdict(outcome) for outcome in self.outcomes],
+        }
+
+    @classmethod
+    def from_json(cls, found: Mapping[str, Any]) -> Payoff:
+        """Return the result that :meth:`as_json` wrote."""
+        return cls(
+            found["true_critical_gain"],
+            dict(found["predicted_critical_gain"]),
+            tuple(Outcome(**outcome) for outcome in found["outcomes"]),
+        )
+
+    def find(self, drive: str, made: str) -> Outcome | None:
+        """Return the outcome of a design on a drive, unless there is none or it was refused."""
+        for outcome in self.outcomes:
+            if (outcome.drive, outcome.design) == (drive, made) and not outcome.refused:
+                return outcome
+        return None
+
+
+def law_of(controller: LinearController) -> Law:
+    """Return a controller as the blind rig reads it."""
+    c = controller
+    assert c.L is not None
+    return Law(c.A, c.B, c.C, c.D, c.L, min(c.limit, LIMIT_V), c.friction, c.threshold, c.shaper)
+
+
+def payoff(truth: Truth, drives: Mapping[str, Drive], designs: Iterable[str] = DESIGNS) -> Payoff:
+    """Design on every drive, run on the concealed rig.
+
+    Parameters
+    ----------
+    truth
+        The concealed rig.
+    drives
+        Name to drive, as a rule ``tied``, ``free`` and ``diagnosed``.
+    designs
+        Names of :data:`baselines.controllers.FAMILIES`, each also with ``_ahead``, and ``p_x2_half``.
+
+    Raises
+    ------
+    ValueError
+        For an unknown design.
+    """
+    chosen = tuple(designs)
+    predicted = {name: _predicted(drive) for name, drive in drives.items()}
+    margins: dict[bytes, tuple[float, float]] = {}
+    outcomes = []
+    for name, drive in drives.items():
+        for made in chosen:
+            try:
+                controller, ahead, promise = _made(made, drive, predicted[name])
+            except _RefusedError as error:
+                outcomes.append(Outcome(name, made, refused=str(error)))
+                continue
+            law = law_of(controller)
+            key = law.flat().tobytes()
+            if key not in margins:  # a command known ahead leaves the margin alone
+                with_friction, without = (gain_margin(truth, law, friction=f) or LARGEST_FACTOR for f in (True, False))
+                margins[key] = with_friction, without
+            tried = _tried(truth, name, made, law, ahead, margins[key])
+            outcomes.append(replace(tried, predicted_margin=promise))
+    return Payoff(critical_gain(truth), predicted, tuple(outcomes))
+
+
+class _RefusedError(ValueError):
+    """A design that cannot be made on a drive."""
+
+
+def _predicted(drive: Drive) -> float | None:
+    return predicted_critical_gain(drive, "x2") if drive.carts == 2 else None
+
+
+def _reference() -> FloatArray:
+    return handout_trajectory(np.arange(round(DURATION_S / SAMPLE_TIME_S) + 1) * SAMPLE_TIME_S)
+
+
+def _made(name: str, drive: Drive, predicted: float | None) -> tuple[LinearController, FloatArray | None, float | None]:
+    """Return a controller, the command it adds ahead of time, and the gain margin that its drive promises."""
+    if name == P_HALF:
+        if predicted is None:
+            raise _RefusedError("drive: predicts no critical gain below 10 V/mm, so there is no share of it")
+        return proportional(SHARE * predicted), None, 1.0 / SHARE
+    design_name = name.removesuffix(AHEAD)
+    if design_name not in FAMILIES:
+        raise ValueError(f"designs: must be among {P_HALF}, {', '.join(FAMILIES)}, also with {AHEAD}; got {name!r}.")
+    rig = with_rig(drive)
+    try:
+        controller = design(design_name, rig).controller
+        ahead = command_ahead(rig, controller, _reference()) if name.endswith(AHEAD) else None
+    except ValueError as error:
+        raise _RefusedError(str(error)) from error
+    return controller, ahead, _plain(analytic(effective(rig, FAMILIES[design_name].reads), controller).gain_margin)
+
+
+def _tried(
+    truth: Truth, drive: str, made: str, law: Law, ahead: FloatArray | None, margins: tuple[float, float]
+) -> Outcome:
+    """Run the handout's trajectory on the rig with its nuisance."""
+    xr, values, base = _reference(), rig_values(truth), Drive(dict(truth.drive))
+    found = []
+    for i in range(RUNS):
+        motion = run(values, after_the_day(truth, len(xr), i), xr, law=law, ahead=ahead)
+        # the reference counts from where the cart stood when the encoders were switched on
+        states = motion.states - motion.states[:, :1]
+        found.append(measure(base, xr, states, motion.u, SAMPLE_TIME_S, limit=LIMIT_V))
+    return Outcome(
+        drive, made,
+        rms=_plain(float(np.sqrt(np.mean([m.rms**2 for m in found])))),
+        peak=_plain(max(m.peak for m in found)),
+        effort=_plain(float(np.sqrt(np.mean([m.effort**2 for m in found])))),
+        stable=all(m.stable and m.limited < VIBRATING_SHARE for m in found),
+        gain_margin=margins[0],
+        linear_margin=margins[1],
+    )  # fmt: skip
+
+
+def _plain(value: float) -> float | None:
+    return value if isfinite(value) else None
+
+
+@dataclass(frozen=True)
+class Median:
+    """A median over n rigs with its 95 % interval; nan where there are none."""
+
+    value: float
+    low: float
+    high: float
+    n: int
+
+    def __str__(self) -> str:
+        return "–" if not self.n else f"{self.value:.3g} [{self.low:.3g}, {self.high:.3g}]"
+
+
+@dataclass(frozen=True)
+class Figures:
+    """One design on one drive, over all rigs that it did not refuse.
+
+    Attributes
+    ----------
+    rms
+        Median [mm].
+    margin, worst_margin
+        Median and smallest :attr:`Outcome.margin` on the rig [].
+    broken_promise
+        Median of |margin on the rig / margin the drive promised - 1|.
+    stable
+        Share of all rigs on which the loop was made and stable.
+    refused
+        Number of rigs.
+    """
+
+    rms: float
+    margin: float
+    worst_margin: float
+    broken_promise: Median
+    stable: float
+    refused: int
+
+
+@dataclass(frozen=True)
+class Row:
+    """One design over all rigs.
+
+    Attributes
+    ----------
+    design
+        Its name.
+    drives
+        Name of the drive to its figures.
+    ratios
+        ``diagnosed/free`` and ``diagnosed/tied``: the median of the paired ratios of rms; below 1 the diagnosis pays.
+    gain_errors
+        Of ``p_x2_half``: name of the drive to the median of |predicted/true - 1| of the critical gain; empty for others.
+    """
+
+    design: str
+    drives: Mapping[str, Figures]
+    ratios: Mapping[str, Median]
+    gain_errors: Mapping[str, Median]
+
+
+def summary(payoffs: Sequence[Payoff], better: str = "diagnosed") -> tuple[Row, ...]:
+    """Return one row per design: medians over rigs, and what the better drive pays, in pairs.
+
+    Parameters
+    ----------
+    payoffs
+        One per rig.
+    better
+        The drive whose rms is divided by that of each other one of the same rig.
+    """
+    designs = dict.fromkeys(o.design for p in payoffs for o in p.outcomes)
+    drives = tuple(dict.fromkeys(o.drive for p in payoffs for o in p.outcomes))
+    rows = []
+    for made in designs:
+        figures = {drive: _figures([p.find(drive, made) for p in payoffs]) for drive in drives}
+        ratios = {}
+        for other in drives:
+            pairs = [(p.find(better, made), p.find(other, made)) for p in payoffs]
+            found = [a.rms / b.rms for a, b in pairs if a and b and a.rms is not None and b.rms]
+            if other != better:
+                ratios[f"{better}/{other}"] = _median(found)
+        errors = {drive: _median(_gain_errors(payoffs, drive)) for drive in drives} if made == P_HALF else {}
+        rows.append(Row(made, figures, ratios, errors))
+    return tuple(rows)
+
+
+def _figures(outcomes: Sequence[Outcome | None]) -> Figures:
+    made = [o for o in outcomes if o is not None]
+
+    def middle(values: Iterable[float | None]) -> float:
+        known = [v for v in values if v is not None]
+        return float(np.median(known)) if known else float("nan")
+
+    margins = [o.margin for o in made]
+    return Figures(
+        rms=middle(o.rms for o in made),
+        margin=middle(margins),
+        worst_margin=min((m for m in margins if m is not None), default=float("nan")),
+        broken_promise=_median(
+            [abs(o.margin / o.predicted_margin - 1.0) for o in made if o.margin and o.predicted_margin]
+        ),
+        stable=sum(o.stable for o in made) / len(outcomes),
+        refused=len(outcomes) - len(made),
+    )
+
+
+def _gain_errors(payoffs: Sequence[Payoff], drive: str) -> list[float]:
+    pairs = [(p.predicted_critical_gain.get(drive), p.true_critical_gain) for p in payoffs]
+    return [abs(predicted / true - 1.0) for predicted, true in pairs if predicted is not None and true is not None]
+
+
+def _median(values: Sequence[float]) -> Median:
+    if not values:
+        return Median(float("nan"), float("nan"), float("nan"), 0)
+    middle = float(np.median(values))
+    if len(values) == 1 or max(values) == min(values):
+        return Median(middle, middle, middle, len(values))
+    from scipy.stats import bootstrap  # noqa: PLC0415  (slow to import)
+
+    found = bootstrap((np.asarray(values),), np.median, method="percentile", rng=np.random.default_rng(0))
+    interval = found.confidence_interval
+    return Median(middle, float(interval.low), float(interval.high), len(values))
+
+
+def table(rows: Sequence[Row]) -> str:
+    """Return the summary as two Markdown tables: what the diagnosis pays, and how it is with margins."""
+    if not rows:
+        return ""
+    drives, ratios = tuple(rows[0].drives), tuple(rows[0].ratios)
+    head = ["design", *(f"rms, {d} [mm]" for d in drives), *(f"rms {r}" for r in ratios)]
+    lines = [head, ["---"] * len(head)]
+    lines += [
+        [r.design, *(f"{r.drives[d].rms:.2f}" for d in drives), *(str(r.ratios[q]) for q in ratios)] for r in rows
+    ]
+    second = ["design", *(f"gain margin, {d}: median, worst, off its promise; stable" for d in drives)]
+    lines += [[], second, ["---"] * len(second)]
+    for row in rows:
+        of = [row.drives[d] for d in drives]
+        cells = [f"{f.margin:.2f}, {f.worst_margin:.2f}, {f.broken_promise}; {100.0 * f.stable:.0f} %" for f in of]
+        lines.append([row.design, *cells])
+    text = "\n".join("| " + " | ".join(line) + " |" if line else "" for line in lines)
+    for row in rows:
+        for drive, error in row.gain_errors.items():
+            text += f"\n\nCritical gain predicted by the {drive} drive: off by {error} of the true one (median)."
+    return text

@@ -1,0 +1,98 @@
+"""What a better model pays on a concealed rig: the figures of one rig, their JSON form, and medians over rigs."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from baselines.blind.critical_gain import critical_gain, gain_margin
+from baselines.blind.truth import draw_truth
+from baselines.controllers import design
+from baselines.margins import margins
+from baselines.payoff import Outcome, Payoff, law_of, payoff, summary, table
+from baselines.stability_limit import with_rig
+from flexdrive_gym import Drive
+
+NULL = draw_truth(2, "null")
+BASE = Drive(dict(NULL.drive))
+
+
+@pytest.fixture(scope="module")
+def found():
+    stiff = BASE.replace({"k": 1.1 * BASE["k"]})
+    return payoff(NULL, {"tied": stiff, "diagnosed": BASE}, ("p_x2_half", "lab4_ahead"))
+
+
+def test_half_of_the_right_critical_gain_leaves_a_margin_of_two(found):
+    right, wrong = found.find("diagnosed", "p_x2_half"), found.find("tied", "p_x2_half")
+    assert right.gain_margin == pytest.approx(2.0, rel=0.03)
+    # the margin is what the prediction is wrong by
+    predicted = found.predicted_critical_gain["tied"]
+    assert wrong.gain_margin == pytest.approx(2.0 * found.true_critical_gain / predicted, rel=0.03)
+    assert found.true_critical_gain == critical_gain(NULL)
+    assert right.predicted_margin == wrong.predicted_margin == 2.0
+
+
+def test_the_right_model_tracks_better_and_all_are_stable(found):
+    right, wrong = found.find("diagnosed", "lab4_ahead"), found.find("tied", "lab4_ahead")
+    assert right.rms < wrong.rms
+    assert right.linear_margin == pytest.approx(right.predicted_margin, rel=0.05)
+    assert all(o.stable and 0.0 < o.rms < o.peak and o.effort > 0.0 for o in found.outcomes)
+
+
+def test_it_survives_json(found):
+    assert Payoff.from_json(json.loads(json.dumps(found.as_json()))) == found
+
+
+def test_a_drive_without_a_second_cart_is_refused_and_said():
+    rigid = Drive({"m1": 1e-3, "b1": 0.01})
+    result = payoff(replace(NULL, effects=()), {"tied": rigid}, ("p_x2_half", "lab4"))
+    assert [bool(o.refused) for o in result.outcomes] == [True, True]
+    assert "second cart" in result.outcomes[1].refused
+    assert result.find("tied", "lab4") is None
+
+
+def test_an_unknown_design_is_refused():
+    with pytest.raises(ValueError, match="designs: must be among p_x2_half"):
+        payoff(NULL, {"free": BASE}, ("lab5",))
+
+
+def test_without_dry_friction_the_margin_is_linear_theorys():
+    rig = with_rig(BASE)
+    controller = design("lab4", rig).controller
+    expected = margins(rig, controller).gain_margin
+    assert gain_margin(NULL, law_of(controller), friction=False) == pytest.approx(expected, rel=0.04)
+
+
+def case(diagnosed, free, predicted=0.2):
+    outcomes = [Outcome("free", "p_x2_half", free, 2 * free, 1.0, stable=True, gain_margin=1.5, linear_margin=1.1)]
+    if diagnosed is None:
+        outcomes.append(Outcome("diagnosed", "p_x2_half", refused="drive: …"))
+    else:
+        outcomes.append(Outcome("diagnosed", "p_x2_half", diagnosed, 9.0, 1.0, stable=diagnosed < 5.0, gain_margin=2.0))
+    return Payoff(0.25, {"free": predicted, "diagnosed": 0.25}, tuple(outcomes))
+
+
+def test_ratios_are_paired_and_refusals_counted():
+    (row,) = summary([case(1.0, 2.0), case(3.0, 4.0), case(None, 1.0), case(6.0, 6.0)])
+    assert row.ratios["diagnosed/free"].value == pytest.approx(0.75)
+    assert row.ratios["diagnosed/free"].n == 3
+    assert row.ratios["diagnosed/free"].low <= 0.75 <= row.ratios["diagnosed/free"].high
+    assert row.drives["diagnosed"].refused == 1
+    assert row.drives["diagnosed"].stable == pytest.approx(0.5)
+    assert row.drives["free"].rms == pytest.approx(3.0)
+    assert row.drives["free"].margin == pytest.approx(1.5)
+    assert row.gain_errors["free"].value == pytest.approx(0.2)
+    assert row.gain_errors["diagnosed"].value == pytest.approx(0.0)
+
+
+def test_the_table_says_by_how_much():
+    text = table(summary([case(1.0, 2.0), case(3.0, 4.0)]))
+    assert "rms diagnosed/free" in text
+    assert "0.625" in text
+    assert "predicted by the free drive: off by 0.2" in text
+
+
+def test_nothing_to_sum_up_is_said_by_nothing():
+    assert summary([]) == ()
+    assert table(()) == ""
