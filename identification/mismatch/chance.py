@@ -85,13 +85,7 @@ def chance(bench: Workbench, screened: Sequence[Screened], null: FloatArray, pre
     e = null - present @ (present.T @ null)
     total = np.maximum(np.sum(e**2, axis=0), 1e-300)
 
-    def gain(s: Screened) -> FloatArray:
-        if s.candidate.period is None:
-            return np.asarray(np.sum((s.basis.T @ e) ** 2, axis=0) / total)
-        rows = [bench.rows.of(r) for r in range(len(bench.runs))]
-        return np.asarray(sum(np.sum((s.basis[i].T @ e[i]) ** 2, axis=0) for i in rows) / total)
-
-    entries = list(bench.pool.map(gain, screened))
+    entries = list(bench.pool.map(lambda s: s.explains(bench, e) / total, screened))
     names = tuple(dict.fromkeys(s.candidate.name for s in screened))
     gains = np.column_stack(
         [np.max([g for g, s in zip(entries, screened, strict=True) if s.candidate.name == n], axis=0) for n in names]

@@ -21,9 +21,10 @@ from identification.methods import rig_parameters
 from identification.mismatch.lines import strongest_line
 from identification.mismatch.maps import Map, draw_maps, harmonics
 from identification.mismatch.missing_force import MissingForce, missing_force
-from identification.mismatch.prove import loop_fits, place, polished, total, velocity_fits
+from identification.mismatch.prove import gain_on, loop_fits, place, polished, total, velocity_fits
 from identification.mismatch.refit import BASE_ONE, BASE_TWO, Coordinates, sensitivities
-from identification.mismatch.search import LEVEL, Progress, Search, Step, along_track, search
+from identification.mismatch.rounds import LEVEL, Progress
+from identification.mismatch.search import Search, Step, search
 from identification.mismatch.shapes import Shape, likeness
 from identification.mismatch.spatial import periods
 from identification.mismatch.split import Split, split_recordings
@@ -51,8 +52,8 @@ _SHAPE_GAIN, _SHAPE_LEAD = 0.12, 1.6
 _LINE_SHARE = 0.05
 # a fit this near to the floor leaves nothing to explain
 _NEAR_FLOOR = 1.25
-# a finding must cut the squared error by this share
-_LEAST_PROOF = 0.02
+# a finding must cut the comparable squared error of recordings kept away by this share
+_LEAST_PROOF = 0.01
 
 
 def diagnose(
@@ -103,17 +104,23 @@ def _read(recordings: Any) -> list[Recording]:
 
 @dataclass(frozen=True, eq=False)
 class _Proof:
-    """A finding, and the drive refitted without it against the drive with all, in rms [mm/s]."""
+    """A finding, and the drive refitted without it against the drive with all.
+
+    Attributes
+    ----------
+    before, after
+        Rms on recordings kept away [mm/s].
+    share
+        Of the squared error of recordings learnt from that it removes.
+    gain
+        Share of the comparable squared error it removes, in recordings kept away or learnt from, whichever is less.
+    """
 
     step: Step
     before: float
     after: float
     share: float
-
-    @property
-    def gain(self) -> float:
-        """Share of the squared error it removes, in recordings kept away or learnt from, whichever is less."""
-        return min(1.0 - (self.after / self.before) ** 2, self.share)
+    gain: float
 
 
 class _Diagnosing:
@@ -187,7 +194,7 @@ class _Diagnosing:
             free=before,
             seconds=time.perf_counter() - begin,
             split=split,
-            notes=self.notes(found),
+            notes=self.notes(),
             maps=tuple(maps),
             harmonics=tuple(harmonics(forces, split.learn)),
             forces=tuple(forces),
@@ -201,12 +208,12 @@ class _Diagnosing:
         """Return the free shape that no name fits, if there is one, and the names nearest to it."""
         first, last = found.stages[0], found.last
         rounds = [(found.last_shapes, last, 0.0)]
-        if found.findings:
-            rounds.insert(0, (found.first_shapes, first, max(s.rival.gain for s in found.findings[:1])))
+        if found.steps:
+            rounds.insert(0, (found.first_shapes, first, max(s.rival.gain for s in found.steps[:1])))
         for shapes, stage, named in rounds:
             for shape in shapes:
                 if shape.predicted >= max(_SHAPE_GAIN, _SHAPE_LEAD * named) and shape.probability <= LEVEL:
-                    return shape, likeness(shape, stage.screened)
+                    return shape, likeness(self.bench, shape, stage.screened)
         return None, []
 
     def describe(self, shape: Shape, alike: Sequence[tuple[str, float]]) -> Unnamed:
@@ -243,7 +250,7 @@ class _Diagnosing:
         A finding holds if the drive with all findings predicts those recordings better than the drive refitted without it.
         """
         free = self.fitted(found, (), {})
-        steps = list(found.findings)
+        steps = list(found.steps)
         while True:
             everything = self.fitted(found, steps, found.model.values) if steps else free
             proofs = []
@@ -260,7 +267,8 @@ class _Diagnosing:
         kept = self.split.prove or self.split.learn
         before, after, _ = total(velocity_fits(without, everything, kept, self.runs, self.pool, held_out=True))
         low, high, _ = total(velocity_fits(without, everything, self.split.learn, self.runs, self.pool, held_out=False))
-        return _Proof(step, before, after, 1.0 - (high / low) ** 2)
+        gains = [gain_on(recordings, without, everything, self.pool) for recordings in (kept, self.split.learn)]
+        return _Proof(step, before, after, 1.0 - (high / low) ** 2, min(gains))
 
     def final(self, values: Mapping[str, float], steps: Sequence[Step]) -> Drive:
         """Return the drive fitted to all open-loop recordings, with intervals from the spread between recordings."""
@@ -321,15 +329,8 @@ class _Diagnosing:
             )
         return tuple(sorted(result, key=lambda f: -f.share_of_error_explained))
 
-    def notes(self, found: Search) -> tuple[str, ...]:
+    def notes(self) -> tuple[str, ...]:
         notes = list(self.free.notes)
-        rough = [s for s in found.steps if s.roughness]
-        if rough:
-            size = max(along_track(s.rival.fit.values, s.rival.name[1]) for s in rough)
-            notes.append(
-                f"friction varies along the track by {size:.2g} V rms ({size / self.level:.1%} of the drive): the roughness "
-                "of every track, not counted as a finding"
-            )
         if self.bench.spread:
             notes.append(f"friction differs from run to run by about {self.bench.spread['friction']:.0%}")
         return tuple(notes)

@@ -15,6 +15,7 @@ from flexdrive_gym import Drive
 from flexdrive_gym.recording import FloatArray, Recording
 from identification.floor import measure_floor
 from identification.mismatch.refit import refit
+from identification.mismatch.settle import absorb
 from identification.mismatch.verdict import RecordingFit
 from identification.mismatch.workbench import Workbench
 from identification.output_error import prepare, simulate_run
@@ -24,15 +25,13 @@ _PLACES = 24
 
 
 def polished(bench: Workbench, values: Mapping[str, float], names: Sequence[str]) -> Mapping[str, float]:
-    """Return the model fitted with one friction for all runs, unwhitened: what a drive file can hold."""
-    order, bench.order = bench.order, 0
+    """Return the model fitted with one friction for all runs: what a drive file can hold."""
     bench.forget_random_effects()
     fit = None
     for _ in range(2):
         bench.weigh(bench.residual(values))
         fit = refit(bench, values, names, iterations=5)
         values = fit.values
-    bench.order = order
     return values
 
 
@@ -101,6 +100,21 @@ def velocity_fits(
         return RecordingFit(recording.name, rms[0], rms[1], floor, held_out)
 
     return list(pool.map(one, zip(recordings, places, strict=True)))
+
+
+def gain_on(
+    recordings: Sequence[Recording], without: Mapping[str, float], everything: Mapping[str, float], pool: Executor
+) -> float:
+    """Return the share of the comparable squared error of recordings that a drive removes of another's.
+
+    Rough track and friction that differs from run to run are in both errors, often larger than what is to be proven; among
+    comparable residuals they hardly count.
+    """
+    bench = Workbench([prepare(r) for r in recordings], pool)
+    bench.offsets = place(everything, recordings, pool)
+    absorb(bench, without)
+    before, after = (float(np.sum(bench.comparable(bench.residual(v)) ** 2)) for v in (without, everything))
+    return 1.0 - after / before
 
 
 def loop_fits(before: Drive, after: Drive, recordings: Sequence[Recording]) -> list[RecordingFit]:

@@ -1,13 +1,15 @@
 r"""Joint refits: the present model and one candidate together, so that neither absorbs what belongs to the other.
 
-Levenberg-Marquardt on the comparable residuals of the :mod:`workbench <identification.mismatch.workbench>`. Sensitivities
-are finite differences large against the kinks of stick-slip. Positive parameters move as logarithms, all within bounds.
+Levenberg-Marquardt on the weighted residuals of the :mod:`workbench <identification.mismatch.workbench>`. Sensitivities are
+finite differences large against the kinks of stick-slip. Positive parameters move as logarithms, all within bounds. What the
+fit is worth is judged by its comparable residual, after a last linear step of all but its shapes, for what is best among
+weighted residuals is not quite best among these.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import isfinite
 
 import numpy as np
@@ -33,17 +35,23 @@ class Fit:
     names
         Those that were free.
     cost
-        Sum of squares of the comparable residual.
+        Sum of squares of the comparable residual after its linear step.
+    weighted
+        Sum of squares of the weighted residual, which the fit minimised.
     residual
-        Comparable residual, shape (N,).
+        The comparable residual, shape (N,).
+    sensitivity
+        Of the raw block residual to the free parameters' coordinates, shape (N, names) [mm/s].
     jacobian
-        Its sensitivity to the free parameters' coordinates, shape (N, names).
+        The same, comparable.
     """
 
     values: Mapping[str, float]
     names: tuple[str, ...]
     cost: float
+    weighted: float
     residual: FloatArray
+    sensitivity: FloatArray
     jacobian: FloatArray
 
 
@@ -112,7 +120,7 @@ def refit(
     *,
     iterations: int = 8,
     fresh: Sequence[str] | None = None,
-    known: tuple[Sequence[str], FloatArray] | None = None,
+    known: Fit | None = None,
     tolerance: float = 1e-4,
 ) -> Fit:
     """Fit the named parameters, starting from ``values``.
@@ -122,27 +130,29 @@ def refit(
     fresh
         Parameters whose sensitivities are made anew in every iteration; default: all.
     known
-        Names and comparable sensitivities to begin with for the others.
+        A fit of some of these parameters, whose sensitivities serve for the others.
     """
     c = Coordinates(names, values)
     z = np.clip(c.of(values), c.low, c.high)
     now = c.to(z, values)
     raw = bench.residual(now)
-    e = bench.comparable(raw)
+    e = bench.weighted(raw)
     cost, damping = float(e @ e), 1e-3
-    J = np.zeros((len(e), len(c.names)))
+    S = np.zeros((len(e), len(c.names)))
     moving = np.ones(len(c.names), dtype=bool)
     if known is not None:
-        place = {n: i for i, n in enumerate(known[0])}
+        place = {n: i for i, n in enumerate(known.names)}
         for i, n in enumerate(c.names):
             if n in place:
-                J[:, i] = known[1][:, place[n]]
+                S[:, i] = known.sensitivity[:, place[n]]
                 moving[i] = fresh is None or n in fresh
+    J = bench.weighted(S)
     for _ in range(iterations):
         own = np.flatnonzero(moving)
         part = Coordinates([c.names[i] for i in own], values)
         part.scale, part.low, part.high = c.scale[own], c.low[own], c.high[own]
-        J[:, own] = bench.comparable(sensitivities(bench, part, z[own], now, raw))
+        S[:, own] = sensitivities(bench, part, z[own], now, raw)
+        J[:, own] = bench.weighted(S[:, own])
         gradient, H = J.T @ e, J.T @ J
         better = False
         for _attempt in range(4):
@@ -156,7 +166,7 @@ def refit(
             new = np.clip(z + step / max(1.0, longest), c.low, c.high)
             trial = c.to(new, values)
             raw_new = bench.residual(trial)
-            e_new = bench.comparable(raw_new)
+            e_new = bench.weighted(raw_new)
             cost_new = float(e_new @ e_new)
             if cost_new < cost:
                 better = True
@@ -168,11 +178,37 @@ def refit(
         damping = max(damping * 0.2, 1e-6)
         if gained < tolerance * cost:
             break
-    return Fit(now, c.names, cost, e, J)
+    return judged(bench, c, z, now, raw, S)
 
 
-def with_fresh_jacobian(bench: Workbench, fit: Fit) -> Fit:
-    """Return the fit with all sensitivities made anew at its end."""
-    c = Coordinates(fit.names, fit.values)
-    raw = bench.residual(fit.values)
-    return replace(fit, jacobian=bench.comparable(sensitivities(bench, c, c.of(fit.values), fit.values, raw)))
+def judged(
+    bench: Workbench,
+    c: Coordinates,
+    z: FloatArray,
+    values: Mapping[str, float],
+    raw: FloatArray,
+    sensitivity: FloatArray,
+) -> Fit:
+    """Return a fit with what it is worth: its comparable residual after a linear step within the bounds."""
+    e, J = bench.comparable(raw), bench.comparable(sensitivity)
+    use = np.array([not _is_shape(n) for n in c.names]) & (np.sum(J**2, axis=0) > 0.0)
+    while use.any():
+        step, *_ = np.linalg.lstsq(J[:, use], -e, rcond=1e-8)
+        new = z[use] + step
+        out = (new < c.low[use] - 1e-12) | (new > c.high[use] + 1e-12)
+        if not out.any():
+            e = e + J[:, use] @ step
+            break
+        use[np.flatnonzero(use)[out]] = False
+    return Fit(values, c.names, float(e @ e), float(np.sum(bench.weighted(raw) ** 2)), e, sensitivity, J)
+
+
+def _is_shape(name: str) -> bool:
+    return name in LAYOUT and (LAYOUT[name].parameter.role == "shape" or not isfinite(LAYOUT[name].parameter.null))
+
+
+def with_fresh_sensitivity(bench: Workbench, values: Mapping[str, float], names: Sequence[str]) -> Fit:
+    """Return a model as a fit of the named parameters that ended where it is, with all sensitivities made anew."""
+    c = Coordinates(names, values)
+    z, raw = c.of(values), bench.residual(values)
+    return judged(bench, c, z, values, raw, sensitivities(bench, c, z, values, raw))

@@ -11,7 +11,7 @@ What chance reaches is told by :mod:`chance <identification.mismatch.chance>`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -37,6 +37,9 @@ class Screened:
         Share of the effect that a refit of the present model hides.
     basis
         Orthonormal columns of the candidate beyond the present model, shape (N, k).
+    waves
+        Sine and cosine of an effect that repeats along the track, beyond the present model and ``basis``, shape (N, 2) or
+        (N, 0): every run has its own phase, but all have one amplitude.
     """
 
     candidate: Candidate
@@ -44,6 +47,20 @@ class Screened:
     sizes: tuple[float, ...]
     hidden: float
     basis: FloatArray
+    waves: FloatArray
+
+    def explains(self, bench: Workbench, residual: FloatArray) -> FloatArray:
+        r"""Return how much of the square of residuals, shape (N,) or (N, draws), it explains, shape () or (draws,).
+
+        With one amplitude and the best phase in every run r that is, with :math:`W` the waves,
+        :math:`(\sum_r |W_r^T \varepsilon_r|)^2 / \sum_r \tfrac12 \|W_r\|^2`.
+        """
+        found = np.sum((self.basis.T @ residual) ** 2, axis=0)
+        if not self.waves.shape[1]:
+            return np.asarray(found)
+        rows = [bench.rows.of(r) for r in range(len(bench.runs))]
+        along = sum(np.linalg.norm(self.waves[i].T @ residual[i], axis=0) for i in rows)
+        return np.asarray(found + along**2 / max(0.5 * float(np.sum(self.waves**2)), 1e-300))
 
 
 def orthonormal(columns: FloatArray) -> FloatArray:
@@ -70,7 +87,7 @@ def screen(
     present
         Orthonormal basis of the present model's directions, shape (N, m).
     """
-    nothing = Screened(candidate, 0.0, tuple(0.0 for _ in candidate.sizes), 1.0, np.zeros((len(residual), 0)))
+    nothing = Screened(candidate, 0.0, tuple(0.0 for _ in candidate.sizes), 1.0, *_nothing(len(residual)))
     total = float(np.sum(columns**2))
     if not total > 0.0:
         return nothing
@@ -79,7 +96,7 @@ def screen(
     if hidden > 1.0 - _SMALLEST:
         return nothing
     if candidate.period is not None:
-        return _screen_each_run(bench, candidate, beyond, residual, hidden)
+        return _screen_waves(bench, candidate, beyond, residual, hidden)
     amplitude, *_ = np.linalg.lstsq(beyond, -residual, rcond=1e-6)
     use = ~(np.array([_one_sided(key) for key, _ in candidate.sizes]) & (amplitude <= 0.0))
     if not use.any():
@@ -95,7 +112,11 @@ def screen(
         start if not np.isfinite(LAYOUT[key].parameter.null) else float(a * start)
         for (key, start), a in zip(candidate.sizes, amplitude, strict=True)
     )
-    return Screened(candidate, gain, sizes, hidden, basis)
+    return Screened(candidate, gain, sizes, hidden, basis, basis[:, :0])
+
+
+def _nothing(n: int) -> tuple[FloatArray, FloatArray]:
+    return np.zeros((n, 0)), np.zeros((n, 0))
 
 
 def _one_sided(key: str) -> bool:
@@ -103,20 +124,24 @@ def _one_sided(key: str) -> bool:
     return q.lower >= q.null or not np.isfinite(q.null)
 
 
-def _screen_each_run(
+def _screen_waves(
     bench: Workbench, candidate: Candidate, beyond: FloatArray, residual: FloatArray, hidden: float
 ) -> Screened:
-    """Judge an effect of position: every run began somewhere else, so each has amplitudes of its own."""
-    basis = np.zeros_like(beyond)
-    gained = np.zeros(len(bench.runs))
-    squares = np.zeros(len(candidate.sizes))
-    for r in range(len(bench.runs)):
-        rows = bench.rows.of(r)
-        own = orthonormal(beyond[rows])
-        basis[rows, : own.shape[1]] = own
-        gained[r] = float(np.sum((own.T @ residual[rows]) ** 2))
-        amplitude, *_ = np.linalg.lstsq(beyond[rows], -residual[rows], rcond=1e-3)
-        squares += gained[r] * amplitude**2
-    size = np.sqrt(squares / max(float(gained.sum()), 1e-300))
-    sizes = tuple(float(a * start) for (_, start), a in zip(candidate.sizes, size, strict=True))
-    return Screened(candidate, float(gained.sum() / (residual @ residual)), sizes, hidden, basis)
+    """Judge an effect that repeats along the track: every run began somewhere else, but the amplitude is that of the rig."""
+    repeats = np.array([key.endswith(("a_sin", "a_cos")) for key, _ in candidate.sizes])
+    basis = orthonormal(beyond[:, ~repeats]) if not repeats.all() else beyond[:, :0]
+    waves = beyond[:, repeats] - basis @ (basis.T @ beyond[:, repeats])
+    found = Screened(candidate, 0.0, (), hidden, basis, waves)
+    rows = [bench.rows.of(r) for r in range(len(bench.runs))]
+    along = sum(float(np.linalg.norm(waves[i].T @ residual[i])) for i in rows)
+    amplitude = along / max(0.5 * float(np.sum(waves**2)), 1e-300)
+    rest, *_ = np.linalg.lstsq(beyond[:, ~repeats], -residual, rcond=1e-6)
+    # as a sine in every run; where it begins is found later
+    shares = iter((amplitude, 0.0))
+    others = iter(rest)
+    sizes = tuple(
+        float(next(shares if wave else others)) * start
+        for wave, (_, start) in zip(repeats, candidate.sizes, strict=True)
+    )
+    gain = float(found.explains(bench, residual) / (residual @ residual))
+    return replace(found, gain=gain, sizes=sizes)

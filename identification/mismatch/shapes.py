@@ -100,14 +100,14 @@ def free_shapes(bench: Workbench, model: Fit) -> list[Shape]:
     return sorted(shapes, key=lambda s: -s.predicted)
 
 
-def likeness(shape: Shape, screened: Sequence[Screened]) -> list[tuple[str, float]]:
+def likeness(bench: Workbench, shape: Shape, screened: Sequence[Screened]) -> list[tuple[str, float]]:
     """Return the names nearest to what a shape explains, with |cosine|, most alike first."""
     f = shape.screened.basis @ shape.screened.sizes
     norm = float(np.linalg.norm(f))
     best: dict[str, float] = {}
     for s in screened:
-        if s.basis.shape[1] and norm > 0.0:
-            best[s.candidate.id] = max(best.get(s.candidate.id, 0.0), float(np.linalg.norm(s.basis.T @ f)) / norm)
+        if norm > 0.0:
+            best[s.candidate.id] = max(best.get(s.candidate.id, 0.0), float(np.sqrt(s.explains(bench, f))) / norm)
     return sorted(best.items(), key=lambda item: -item[1])
 
 
@@ -193,7 +193,7 @@ def _judge(
         band,
         gain,
         _predicted(bench, beyond, e),
-        Screened(candidate, gain, tuple(amounts), 0.0, basis),
+        Screened(candidate, gain, tuple(amounts), 0.0, basis, basis[:, :0]),
     )
 
 

@@ -1,16 +1,15 @@
 r"""The workbench of a diagnosis: every recording simulated, compared, weighted and rid of what may vary from run to run.
 
-Residuals are block means over 5 ms of measured minus simulated velocity, one row of blocks per recording and cart. Three
-linear operations make them comparable:
+Residuals are block means over 5 ms of measured minus simulated velocity, one row of blocks per recording and cart. *Weighted*
+by :math:`1/\sigma_{rc}`, from the floor of that channel and one common model error as in :mod:`identification.likelihood`,
+they are what models are fitted to.
 
-* **weights** :math:`1/\sigma_{rc}`, from the floor of that channel and one common model error, as in
-  :mod:`identification.likelihood`;
-* **whitening**: residuals of a real rig are coloured, so an autoregressive filter, one per cart, estimated from the
-  residuals of the baseline, makes neighbouring blocks nearly independent. Sensitivities pass the same filter;
-* **random effects**: friction differs from run to run, and so does the slope of the track, for a run may begin anywhere.
-  Along the directions :math:`D_r` of one run's own friction and constant force the residual may be anything within the prior
-  :math:`N(0, S)`, so :math:`\varepsilon_r^T (I + D_r S D_r^T)^{-1} \varepsilon_r` replaces the sum of squares (N. M. Laird,
-  J. H. Ware, Random-effects models for longitudinal data, Biometrics 38, 1982).
+*Comparable* residuals, by which candidates are judged, are also rid of what surrounds every rig: friction differs from run to
+run, and so does the slope of the track, for a run may begin anywhere; the track is rough, and friction wanders within a run
+(:mod:`identification.mismatch.surroundings`). Along the directions :math:`D_r` of all that the residual may be anything
+within the prior :math:`N(0, S)`, so :math:`\varepsilon_r^T (I + D_r S D_r^T)^{-1} \varepsilon_r` replaces the sum of squares
+(N. M. Laird, J. H. Ware, Random-effects models for longitudinal data, Biometrics 38, 1982). A small effect hides among such
+errors; a fit does not need that freedom, with which a drive's own friction would hardly be determined.
 """
 
 from __future__ import annotations
@@ -20,15 +19,9 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import solve_toeplitz
-from scipy.signal import lfilter
 
 from flexdrive_gym.recording import BoolArray, FloatArray
 from identification.output_error import Run, simulate_run
-
-# whitening is a choice of the caller: of the rigs seen, errors of physics are as coloured as the nuisance, and whitening
-# gives most weight to what matters least
-ORDER = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,16 +92,14 @@ class Workbench:
         Runs the recordings on its threads.
     """
 
-    def __init__(self, runs: Sequence[Run], pool: Executor, order: int = ORDER) -> None:
+    def __init__(self, runs: Sequence[Run], pool: Executor) -> None:
         self.runs = list(runs)
         self.pool = pool
-        self.order = order
         self.rows = _rows(self.runs)
         self.weights = self.rows.valid.astype(float)
-        self.filters: list[FloatArray] = [np.array([1.0]), np.array([1.0])]
         self.offsets = np.zeros(len(self.runs))
         self.spread: dict[str, float] = {}
-        self._random: list[FloatArray] = []
+        self._absorbed: list[FloatArray] = []
 
     def blocks(self, values: Mapping[str, float], run: int, pushes: FloatArray | None = None) -> FloatArray:
         """Return block means of measured minus simulated velocity of one recording, all carts in a row [mm/s]."""
@@ -161,7 +152,7 @@ class Workbench:
         return np.column_stack([(moved - here) / size for moved in self.pool.map(one, pushes)])
 
     def weigh(self, residual: FloatArray) -> None:
-        """Set weights and whitening filters from the residuals of the present model."""
+        """Set weights from the residuals of the present model."""
         n, own, floor, pieces = [], [], [], []
         for r, run in enumerate(self.runs):
             for c in range(len(run.keep)):
@@ -176,48 +167,25 @@ class Workbench:
         error = max(float((measured - least) @ count / count.sum()), 0.01 * float(measured @ count / count.sum()))
         for piece, f in zip(pieces, least, strict=True):
             self.weights[piece] = self.rows.valid[piece] / np.sqrt(f + error)
-        self.filters = [self._whitening(residual * self.weights, c) for c in range(2)]
 
     def piece(self, run: int, cart: int) -> slice:
         """Return the rows of one recording and cart."""
         start = self.rows.starts[run] + cart * self.rows.blocks[run]
         return slice(start, start + self.rows.blocks[run])
 
-    def _whitening(self, weighted: FloatArray, cart: int) -> FloatArray:
-        if self.order == 0:
-            return np.array([1.0])
-        lags = np.zeros(self.order + 1)
-        for r, run in enumerate(self.runs):
-            if cart < len(run.keep):
-                e = weighted[self.piece(r, cart)]
-                lags += [float(e[: len(e) - k] @ e[k:]) for k in range(self.order + 1)]
-        if not lags[0] > 0.0:
-            return np.array([1.0])
-        lags[0] *= 1.0 + 1e-6
-        a = solve_toeplitz(lags[:-1], lags[1:])
-        gain = np.sqrt(max(1.0 - float(a @ lags[1:]) / lags[0], 1e-6))
-        return np.asarray(np.concatenate(([1.0], -a)) / gain)
-
-    def whitened(self, x: FloatArray) -> FloatArray:
-        """Weight and whiten residuals or sensitivities, shape (N,) or (N, k)."""
-        single = x.ndim == 1
-        y = (x[:, None] if single else x) * self.weights[:, None]
-        for r, run in enumerate(self.runs):
-            for c in range(len(run.keep)):
-                piece = self.piece(r, c)
-                if len(self.filters[c]) > 1:
-                    y[piece] = lfilter(self.filters[c], [1.0], y[piece], axis=0) * self.rows.valid[piece][:, None]
-        return np.asarray(y[:, 0] if single else y)
+    def weighted(self, x: FloatArray) -> FloatArray:
+        """Weight residuals or sensitivities, shape (N,) or (N, k)."""
+        return np.asarray(x * (self.weights if x.ndim == 1 else self.weights[:, None]))
 
     def set_random_effects(self, directions: FloatArray, residual: FloatArray, priors: Sequence[Prior]) -> None:
-        """Let the runs differ along the given whitened directions; estimate by how much.
+        """Let the runs differ along the given weighted directions; estimate by how much.
 
         Parameters
         ----------
         directions
-            Whitened sensitivities, shape (N, k).
+            Weighted sensitivities, shape (N, k).
         residual
-            Whitened residual, shape (N,).
+            Weighted residual, shape (N,).
         priors
             One per direction: the group it shares its spread with, where the estimate starts and may go. One round of
             expectation maximisation.
@@ -236,20 +204,36 @@ class Workbench:
         limits = {p.group: (p.least, p.most) for p in priors}
         self.spread = {g: float(np.clip(np.sqrt(square[g]), *limits[g])) for g in groups}
         scale = np.array([self.spread[p.group] for p in priors])
-        self._random = []
+        self._absorbed = self._absorbing(directions, scale)
+
+    def set_surroundings(self, directions: FloatArray, sizes: FloatArray) -> None:
+        """Also let the track be rough and friction wander, where residuals are compared.
+
+        Parameters
+        ----------
+        directions
+            Weighted sensitivities to everything that may differ, shape (N, k).
+        sizes
+            Standard deviations, shape (k,).
+        """
+        self._absorbed = self._absorbing(directions, sizes)
+
+    def _absorbing(self, directions: FloatArray, sizes: FloatArray) -> list[FloatArray]:
+        found = []
         for r in range(len(self.runs)):
             # (I + D S Dᵀ)^(-1/2) = I - U (1 - 1/sqrt(1 + σ²)) Uᵀ, with the singular vectors of D S^(1/2)
-            U, sigma, _ = np.linalg.svd(directions[self.rows.of(r)] * scale, full_matrices=False)
-            self._random.append(U * np.sqrt(1.0 - 1.0 / np.sqrt(1.0 + sigma**2)))
+            U, sigma, _ = np.linalg.svd(directions[self.rows.of(r)] * sizes, full_matrices=False)
+            found.append(U * np.sqrt(1.0 - 1.0 / np.sqrt(1.0 + sigma**2)))
+        return found
 
     def forget_random_effects(self) -> None:
         """Let all recordings be alike."""
-        self._random, self.spread = [], {}
+        self._absorbed, self.spread = [], {}
 
     def comparable(self, x: FloatArray) -> FloatArray:
-        """Weight, whiten and take out run-to-run friction: what a sum of squares may be taken of."""
-        y = self.whitened(x)
-        for r, R in enumerate(self._random):
+        """Weight, and take out what differs from run to run and the surroundings: what candidates are judged by."""
+        y = self.weighted(x)
+        for r, R in enumerate(self._absorbed):
             rows = self.rows.of(r)
             y[rows] = y[rows] - R @ (R.T @ y[rows])
         return y

@@ -29,11 +29,11 @@ def test_random_effects_equal_the_dense_formula(bench):
     N = len(bench.weights)
     bench.forget_random_effects()
     bench.weigh(bench.residual(RIG))
-    D = bench.whitened(5.0 * rng.normal(size=(N, 3)))
+    D = bench.weighted(5.0 * rng.normal(size=(N, 3)))
     e = rng.normal(size=N)
-    bench.set_random_effects(D, bench.whitened(e), [FRICTION, FRICTION, OFFSET])
+    bench.set_random_effects(D, bench.weighted(e), [FRICTION, FRICTION, OFFSET])
     S = np.diag([bench.spread[p.group] ** 2 for p in (FRICTION, FRICTION, OFFSET)])
-    w = bench.whitened(e)
+    w = bench.weighted(e)
     expected = 0.0
     for r in range(2):
         rows = bench.rows.of(r)

@@ -1,0 +1,230 @@
+"""One round of the search: screen the whole catalogue, refit what leads, judge it against chance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from math import isfinite
+
+import numpy as np
+
+from flexdrive_gym.drive.effects import EFFECTS, LAYOUT
+from flexdrive_gym.recording import FloatArray
+from identification.mismatch.candidates import Candidate, bounds, catalogue
+from identification.mismatch.chance import Chance, chance, null_residuals
+from identification.mismatch.refit import Fit, refit
+from identification.mismatch.screening import Screened, orthonormal, screen
+from identification.mismatch.workbench import Workbench
+
+Progress = Callable[[str], None]
+# a finding must be rarer than this by chance, and explain at least this share of the remaining squared error
+LEVEL, LEAST_GAIN = 0.01, 0.02
+_BATCH = 48
+_REFITS = 5
+_SECOND_STARTS = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Rival:
+    """A candidate refitted jointly with the model of its stage.
+
+    Attributes
+    ----------
+    screened
+        Its linear prospects.
+    fit
+        The joint refit.
+    offsets
+        Where every run began along the track [mm], modulo the period.
+    gain
+        Share of the stage's comparable squared error that the refit removed.
+    probability
+        False-alarm probability of that gain in a search over the whole catalogue.
+    """
+
+    screened: Screened
+    fit: Fit
+    offsets: FloatArray
+    gain: float
+    probability: float = 1.0
+
+    @property
+    def candidate(self) -> Candidate:
+        """Effect and place with start values."""
+        return self.screened.candidate
+
+    @property
+    def name(self) -> tuple[str, str]:
+        """Effect and place."""
+        return self.candidate.name
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """One round of the search: what was tried, and what chance reaches.
+
+    Attributes
+    ----------
+    before
+        The model at the start of the round.
+    rivals
+        Refitted candidates: first those that chance would not reach, each part by gain.
+    screened
+        Best entry of every effect and place, best first.
+    null
+        Comparable residuals of the null draws, shape (N, draws).
+    runs
+        Rows of every recording.
+    """
+
+    before: Fit
+    rivals: tuple[Rival, ...]
+    screened: tuple[Screened, ...]
+    null: FloatArray = field(repr=False)
+    runs: tuple[slice, ...] = field(repr=False)
+
+    def behind(self, rival: Rival, best: Rival, draws: int = 999) -> float:
+        """Return the probability that a rival is as good as another one, by their costs in the same recordings, resampled."""
+        cost = [[float(np.sum(r.fit.residual[rows] ** 2)) for rows in self.runs] for r in (rival, best)]
+        worse = np.array(cost[0]) - np.array(cost[1])
+        pick = np.random.default_rng(draws).integers(0, len(worse), (draws, len(worse)))
+        return float(np.mean(worse[pick].sum(axis=1) <= 0.0))
+
+    @property
+    def probability(self) -> float:
+        """False-alarm probability of the first rival."""
+        return self.rivals[0].probability if self.rivals else 1.0
+
+
+def directions(
+    bench: Workbench, candidates: Sequence[Candidate], values: Mapping[str, float], raw: FloatArray
+) -> list[FloatArray]:
+    """Return every candidate's comparable columns."""
+    jobs = [(i, drive) for i, candidate in enumerate(candidates) for drive in candidate.directions(values)]
+    columns: list[list[FloatArray]] = [[] for _ in candidates]
+    for begin in range(0, len(jobs), _BATCH):
+        part = jobs[begin : begin + _BATCH]
+        found = bench.comparable(bench.residuals([drive for _, drive in part]) - raw[:, None])
+        for (i, _), column in zip(part, found.T, strict=True):
+            columns[i].append(column)
+    return [np.column_stack(c) for c in columns]
+
+
+def best_of_each(screened: Sequence[Screened], most: int = 1) -> list[Screened]:
+    """Return the best entries of every effect and place, best first."""
+    count: dict[tuple[str, str], int] = {}
+    kept = []
+    for s in sorted(screened, key=lambda s: -s.gain):
+        n = count.get(s.candidate.name, 0)
+        if n < most and s.gain > 0.0:
+            kept.append(s)
+            count[s.candidate.name] = n + 1
+    return kept
+
+
+def stage(
+    bench: Workbench,
+    model: Fit,
+    carts: int,
+    rng: np.random.Generator,
+    shapes: Mapping[str, Sequence[float]],
+    *,
+    say: Progress = lambda _: None,
+) -> Stage:
+    """Search the catalogue once for what explains most of the model's error."""
+    raw = bench.residual(model.values)
+    known = {n: v for n, v in model.values.items() if n in LAYOUT}
+    candidates = catalogue(carts, known, shapes)
+    say(f"screening {len(candidates)} candidates")
+    present = orthonormal(model.jacobian)
+    e = model.residual - present @ (present.T @ model.residual)
+    columns = directions(bench, candidates, model.values, raw)
+    screened = list(
+        bench.pool.map(lambda pair: screen(bench, pair[0], pair[1], e, present), zip(candidates, columns, strict=True))
+    )
+    null = null_residuals(bench, model.values, rng)
+    luck = chance(bench, screened, null, present)
+    leaders = best_of_each(screened)
+    tried = []
+    for s in _to_refit(screened, leaders, luck):
+        say(f"refitting with {s.candidate.id} ({s.candidate.where})")
+        tried.append(_rival(bench, model, s, raw))
+    best: dict[tuple[str, str], Rival] = {}
+    for r in tried:
+        if r.name not in best or r.fit.cost < best[r.name].fit.cost:
+            best[r.name] = r
+    judged = [replace(r, probability=luck.probability(r.name, max(r.gain, r.screened.gain))) for r in best.values()]
+    order = sorted(judged, key=lambda r: (not passes(r), r.fit.cost))
+    runs = tuple(bench.rows.of(i) for i in range(len(bench.runs)))
+    return Stage(model, tuple(order), tuple(leaders), null, runs)
+
+
+def passes(rival: Rival) -> bool:
+    """Whether chance would hardly reach a rival, and it is worth naming."""
+    return rival.probability <= LEVEL and rival.gain >= LEAST_GAIN
+
+
+def _to_refit(screened: Sequence[Screened], leaders: Sequence[Screened], luck: Chance) -> list[Screened]:
+    """The leaders in gain and in surprise, other starts for the first of them, and what is known to look like them."""
+    chosen = list(leaders[:_REFITS])
+    surprising = sorted(leaders, key=lambda s: -luck.surprise(s.candidate.name, s.gain))
+    chosen += [s for s in surprising[:3] if not any(s is c for c in chosen)]
+    alike: set[str] = set()
+    for s in (*leaders[:2], *surprising[:1]):
+        alike |= {i for e in EFFECTS if e.id == s.candidate.id for i in e.looks_like}
+    others = [s for s in leaders[_REFITS:] if s.candidate.id in alike and not any(s is c for c in chosen)]
+    chosen += [s for s in others if s.gain > 0.1 * leaders[0].gain][:2]
+    for s in leaders[:_SECOND_STARTS]:
+        others = [o for o in screened if o.candidate.name == s.candidate.name and o is not s and o.gain > 0.3 * s.gain]
+        others = [o for o in others if o.candidate.shapes != s.candidate.shapes]
+        chosen += sorted(others, key=lambda o: -o.gain)[:1]
+    return chosen
+
+
+def _rival(bench: Workbench, model: Fit, s: Screened, raw: FloatArray) -> Rival:
+    c = s.candidate
+    start = {**model.values, **dict(c.shapes)}
+    for (key, _), size in zip(c.sizes, s.sizes, strict=True):
+        low, high = bounds(key)
+        start[key] = float(np.clip(size, low, high))
+    here = bench.offsets
+    keys = c.keys
+    if c.period is not None:
+        keys = _align(bench, model, c, start, raw)
+    # shapes do nothing while every size is null
+    if all(start[key] == LAYOUT[key].parameter.null for key, _ in c.sizes):
+        start.update({key: 0.1 * size for key, size in c.sizes})
+    fit = refit(bench, start, (*model.names, *keys), iterations=6, fresh=keys, known=model)
+    if fit.weighted > model.weighted:
+        # what is best among comparable residuals may lie beyond a ridge: begin beside the present model
+        start.update({key: LAYOUT[key].parameter.null + 0.1 * size for key, size in c.sizes if isfinite(size)})
+        fit = refit(bench, start, (*model.names, *keys), iterations=6, fresh=keys, known=model)
+    if c.period is not None:
+        keys = _align(bench, model, c, dict(fit.values), raw)
+        again = refit(bench, fit.values, (*model.names, *keys), iterations=3, fresh=keys, known=model)
+        fit = min(fit, again, key=lambda f: f.cost)
+    offsets, bench.offsets = bench.offsets, here
+    gain = 1.0 - fit.cost / model.cost if fit.weighted <= model.weighted else 0.0
+    return Rival(s, fit, offsets, gain)
+
+
+def _align(bench: Workbench, model: Fit, c: Candidate, start: dict[str, float], raw: FloatArray) -> tuple[str, ...]:
+    """Find where every run began along the track from its own amplitudes; leave one amplitude in ``start``."""
+    sin, cos = (next(k for k, _ in c.sizes if k.endswith(end)) for end in ("a_sin", "a_cos"))
+    shape = tuple((k, start[k]) for k, _ in c.shapes)
+    step = dict(c.sizes)[sin]
+    probe = Candidate(c.id, c.where, ((sin, step), (cos, step)), shape)
+    columns = directions(bench, [probe], model.values, raw)[0]
+    present = orthonormal(model.jacobian)
+    columns -= present @ (present.T @ columns)
+    e = model.residual - present @ (present.T @ model.residual)
+    offsets, weight, size = bench.offsets.copy(), 0.0, 0.0
+    for r in range(len(bench.runs)):
+        rows = bench.rows.of(r)
+        (a, b), *_ = np.linalg.lstsq(columns[rows], -e[rows], rcond=1e-3)
+        w = float(np.sum(columns[rows] ** 2))
+        offsets[r] += np.arctan2(b, a) * start[c.period or ""] / (2.0 * np.pi)
+        weight, size = weight + w, size + w * float(np.hypot(a, b)) * step
+    bench.offsets = offsets
+    start[sin], start[cos] = size / max(weight, 1e-300), 0.0
+    return tuple(k for k in c.keys if k != cos)

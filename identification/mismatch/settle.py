@@ -1,0 +1,45 @@
+"""What a model is fitted with on the workbench: weights of its own errors, and the surroundings of its own motion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from flexdrive_gym.recording import FloatArray
+from identification.mismatch.refit import Coordinates, Fit, refit, sensitivities, with_fresh_sensitivity
+from identification.mismatch.surroundings import surroundings
+from identification.mismatch.workbench import FRICTION, OFFSET, Workbench
+
+_PUSH_V = 0.02
+
+
+def settle(bench: Workbench, values: Mapping[str, float], names: Sequence[str]) -> Fit:
+    """Weigh with the present model's residuals, fit it, and weigh again for what comes next."""
+    bench.weigh(bench.residual(values))
+    values = refit(bench, values, names, iterations=6).values
+    absorb(bench, values)
+    return with_fresh_sensitivity(bench, values, names)
+
+
+def absorb(bench: Workbench, values: Mapping[str, float]) -> None:
+    """Set the weights, and let everything differ that differs on every rig, along the present model's motion."""
+    bench.forget_random_effects()
+    raw = bench.residual(values)
+    bench.weigh(raw)
+    friction = [n for n in ("d1", "d2")[: len(bench.runs[0].keep)] if values.get(n, 0.0) > 0.0]
+    c = Coordinates(friction, values)
+    # against a relative change of friction
+    c.scale = np.array([max(values[n], 1e-3) for n in friction])
+    D = sensitivities(bench, c, c.of(values), values, raw) if friction else np.zeros((len(raw), 0))
+    D = np.column_stack([D, bench.pushed(values, [lambda: _ones(bench)], _PUSH_V)])
+    priors = [FRICTION] * len(friction) + [OFFSET]
+    bench.set_random_effects(bench.weighted(D), bench.weighted(raw), priors)
+    forces, sizes = surroundings(bench, values)
+    D = np.column_stack([D, bench.pushed(values, forces, _PUSH_V)])
+    own = [bench.spread[p.group] for p in priors]
+    bench.set_surroundings(bench.weighted(D), np.array([*own, *sizes]))
+
+
+def _ones(bench: Workbench) -> list[FloatArray]:
+    return [np.vstack([np.ones(len(run.u)), np.zeros(len(run.u))]) for run in bench.runs]
