@@ -22,7 +22,7 @@ from identification.mismatch.lines import strongest_line
 from identification.mismatch.maps import Map, draw_maps, harmonics
 from identification.mismatch.missing_force import MissingForce, missing_force
 from identification.mismatch.prove import loop_fits, place, polished, total, velocity_fits
-from identification.mismatch.refit import BASE_ONE, BASE_TWO, Coordinates, sensitivities
+from identification.mismatch.refit import Coordinates, sensitivities
 from identification.mismatch.search import LEVEL, Progress, Search, Step, along_track, search
 from identification.mismatch.shapes import Shape, likeness
 from identification.mismatch.spatial import periods
@@ -44,6 +44,7 @@ from identification.mismatch.workbench import Workbench
 from identification.output_error import prepare
 from identification.quantities import HANDOUT_RATIOS
 from identification.recordings import read_recordings
+from identification.topology import Topology, topology_of
 
 # a free shape must explain this share of the remaining error, and this much more than any name, to be called unnamed
 _SHAPE_GAIN, _SHAPE_LEAD = 0.12, 1.6
@@ -53,6 +54,8 @@ _LINE_SHARE = 0.05
 _NEAR_FLOOR = 1.25
 # a finding must cut the squared error by this share
 _LEAST_PROOF = 0.02
+# cut-offs of a velocity filter, in multiples of the sampling rate
+_FILTERS = (0.03, 0.08, 0.2)
 
 
 def diagnose(
@@ -60,6 +63,7 @@ def diagnose(
     *,
     seed: int = 0,
     jobs: int | None = None,
+    topology: Topology | None = None,
     say: Progress = lambda _: None,
 ) -> Diagnosis:
     """Locate the mismatch between drive and recordings, name the physics that was left out, model it and prove it.
@@ -72,6 +76,8 @@ def diagnose(
         Of the null draws and resampling; the same seed gives the same diagnosis to the last bit.
     jobs
         Threads; default: the processors this process may use. The answer does not depend on it.
+    topology
+        Which bodies there are and what is free; default: one cart or two, as the recordings' channels tell.
     say
         Called with a few words at every stage.
 
@@ -89,7 +95,9 @@ def diagnose(
     runs = _read(recordings)
     split = split_recordings(runs)
     with ThreadPoolExecutor(jobs or len(os.sched_getaffinity(0))) as pool:
-        return _Diagnosing(runs, split, np.random.default_rng(seed), pool, say, jobs).result(begin)
+        return _Diagnosing(
+            runs, split, topology or topology_of(split.learn), np.random.default_rng(seed), pool, say, jobs
+        ).result(begin)
 
 
 def _read(recordings: Any) -> list[Recording]:
@@ -123,21 +131,21 @@ class _Diagnosing:
         self,
         runs: Sequence[Recording],
         split: Split,
+        topology: Topology,
         rng: np.random.Generator,
         pool: Executor,
         say: Progress,
         jobs: int | None,
     ) -> None:
         self.runs, self.split, self.rng, self.pool, self.say = runs, split, rng, pool, say
+        self.topology, self.names = topology, topology.free
         say("fitting the free drive")
         self.tied: MaximumLikelihood | None = None
-        self.free = identify_by_likelihood(split.learn, threads=jobs)
-        self.carts = self.free.drive.carts
-        if self.carts == 2:
+        self.free = identify_by_likelihood(split.learn, threads=jobs, topology=topology)
+        if topology.two_carts:
             say("fitting with the handout's ratios")
-            self.tied = identify_by_likelihood(split.learn, ties=HANDOUT_RATIOS, threads=jobs)
-        self.names = BASE_TWO if self.carts == 2 else BASE_ONE
-        self.bench = Workbench([prepare(r) for r in split.learn], pool)
+            self.tied = identify_by_likelihood(split.learn, ties=HANDOUT_RATIOS, threads=jobs, topology=topology)
+        self.bench = Workbench([prepare(r) for r in split.learn], pool, parts=split.parts)
         self.level = float(np.median([np.max(np.abs(r.u)) for r in split.learn]))
 
     def forces(self, values: Mapping[str, float], runs: Sequence[Recording]) -> list[MissingForce]:
@@ -148,7 +156,15 @@ class _Diagnosing:
         return {
             **periods(self.forces(values, self.split.learn)),
             "saturation.limit": (0.97 * most, 0.88 * most, 0.75 * most),
+            **self.filters(),
         }
+
+    def filters(self) -> dict[str, tuple[float, ...]]:
+        """Return where to look for a velocity filter, if the recordings do not tell how velocities were made [Hz]."""
+        if any(run.cutoff is not None for run in self.bench.runs):
+            return {}
+        rate = 1.0 / self.bench.runs[0].sample_time
+        return {f"velocity_processing.encoder_{i}.cutoff": tuple(rate * f for f in _FILTERS) for i in (1, 2)}
 
     def result(self, begin: float) -> Diagnosis:
         split, say = self.split, self.say
@@ -156,7 +172,7 @@ class _Diagnosing:
         say("estimating the missing forces")
         forces = self.forces(free, split.learn)
         maps = draw_maps(forces)
-        found = search(self.bench, free, self.carts, self.rng, drive_level=self.level, shapes=self.shapes, say=say)
+        found = search(self.bench, free, self.topology, self.rng, drive_level=self.level, shapes=self.shapes, say=say)
         shape, alike = self.unnamed(found)
         say("proving on recordings kept away")
         proofs, before_values, after_values = self.proven(found)
@@ -193,7 +209,10 @@ class _Diagnosing:
             forces=tuple(forces),
             remaining=tuple(draw_maps(self.forces(after_values, split.learn))),
             friction_spread=self.bench.spread.get("friction", 0.0),
-            extra={"rivals": _rivals([p.step for p in proofs])},
+            extra={
+                "rivals": _rivals([p.step for p in proofs]),
+                "order": {"@".join(p.step.rival.name): _keys(p.step) for p in proofs},
+            },
             learnt=after,
         )
 
@@ -224,10 +243,13 @@ class _Diagnosing:
     def fitted(self, found: Search, steps: Sequence[Step], start: Mapping[str, float]) -> Mapping[str, float]:
         """Return the drive with these findings, fitted to what was learnt from."""
         names = list(self.names)
-        values = {k: start.get(k, self.free.drive.values.get(k, 0.0)) for k in self.names}
+        values = {
+            **self.topology.fixed,
+            **{k: start.get(k, self.free.drive.values.get(k, 0.0)) for k in self.names},
+        }
         offsets = np.zeros(len(self.bench.runs))
         for step in steps:
-            keys = [k for k in step.rival.candidate.keys if k in step.rival.fit.names]
+            keys = _keys(step)
             names += keys
             values |= {k: start.get(k, found.model.values[k]) for k in keys}
             if step.rival.candidate.period is not None:
@@ -267,7 +289,7 @@ class _Diagnosing:
         runs = (*self.split.learn, *self.split.prove)
         bench = Workbench([prepare(r) for r in runs], self.pool)
         bench.offsets = place(values, runs, self.pool)
-        names = [*self.names, *(k for s in steps for k in s.rival.candidate.keys if k in s.rival.fit.names)]
+        names = [*self.names, *(k for s in steps for k in _keys(s))]
         values = polished(bench, values, names)
         c = Coordinates(names, values)
         raw = bench.residual(values)
@@ -296,7 +318,7 @@ class _Diagnosing:
         result = []
         for proof in proofs:
             step = proof.step
-            keys = [k for k in step.rival.candidate.keys if k in step.rival.fit.names]
+            keys = _keys(step)
             parameters = {
                 short(k): Estimate(drive[k], drive.intervals.get(k, (float("nan"), float("nan"))), unit_of(k))
                 for k in keys
@@ -333,6 +355,11 @@ class _Diagnosing:
         if self.bench.spread:
             notes.append(f"friction differs from run to run by about {self.bench.spread['friction']:.0%}")
         return tuple(notes)
+
+
+def _keys(step: Step) -> tuple[str, ...]:
+    """Return the parameters of an effect that were fitted."""
+    return tuple(k for k in step.rival.candidate.keys if k in step.rival.fit.names)
 
 
 def _rivals(steps: Sequence[Step]) -> dict[str, list[dict[str, Any]]]:

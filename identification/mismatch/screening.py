@@ -17,7 +17,7 @@ import numpy as np
 
 from flexdrive_gym.drive.effects import LAYOUT
 from flexdrive_gym.recording import FloatArray
-from identification.mismatch.candidates import Candidate
+from identification.mismatch.candidates import Candidate, switch
 from identification.mismatch.workbench import Workbench
 
 _SMALLEST = 1e-3
@@ -92,15 +92,18 @@ def screen(
     basis = orthonormal(beyond)
     gain = float(np.sum((basis.T @ residual) ** 2) / (residual @ residual))
     sizes = tuple(
-        start if not np.isfinite(LAYOUT[key].parameter.null) else float(a * start)
-        for (key, start), a in zip(candidate.sizes, amplitude, strict=True)
+        start if _switch(key) else float(a * start) for (key, start), a in zip(candidate.sizes, amplitude, strict=True)
     )
     return Screened(candidate, gain, sizes, hidden, basis)
 
 
 def _one_sided(key: str) -> bool:
     q = LAYOUT[key].parameter
-    return q.lower >= q.null or not np.isfinite(q.null)
+    return q.lower >= q.null or _switch(key)
+
+
+def _switch(key: str) -> bool:
+    return switch(LAYOUT[key].parameter, LAYOUT[key].effect)
 
 
 def _screen_each_run(

@@ -11,18 +11,11 @@ from flexdrive_gym.drive.effects import EFFECTS, LAYOUT
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.candidates import Candidate, bounds, catalogue
 from identification.mismatch.chance import Chance, chance, null_residuals
-from identification.mismatch.refit import (
-    BASE_ONE,
-    BASE_TWO,
-    Coordinates,
-    Fit,
-    refit,
-    sensitivities,
-    with_fresh_jacobian,
-)
+from identification.mismatch.refit import Coordinates, Fit, refit, sensitivities, with_fresh_jacobian
 from identification.mismatch.screening import Screened, orthonormal, screen
 from identification.mismatch.shapes import Shape, free_shapes
 from identification.mismatch.workbench import FRICTION, OFFSET, Workbench
+from identification.topology import Topology
 
 Progress = Callable[[str], None]
 # a finding must be rarer than this by chance, and explain at least this share of the remaining squared error
@@ -35,6 +28,8 @@ WAY_MM = 100.0
 # friction along the track is taken out from this gain on, and is a finding from this one on
 TRACK_GAIN, TRACK_FINDING = 0.15, 0.4
 MOST_EFFECTS = 5
+# what comes before its refinements, if it explains this share of what the best of them does
+_PLAIN, _PLAIN_GAIN = "coulomb_friction", 0.5
 _BATCH = 48
 _REFITS = 5
 _SECOND_STARTS = 1
@@ -170,7 +165,7 @@ def directions(
 def search(
     bench: Workbench,
     values: Mapping[str, float],
-    carts: int,
+    topology: Topology,
     rng: np.random.Generator,
     *,
     drive_level: float,
@@ -190,12 +185,11 @@ def search(
     shapes
         Start grids found from the data, for the present model.
     """
-    names = BASE_TWO if carts == 2 else BASE_ONE
-    first = model = baseline(bench, values, names)
+    first = model = baseline(bench, values, topology.free)
     steps: list[Step] = []
     stages: list[Stage] = []
     while True:
-        now = stage(bench, model, carts, rng, shapes(model.values), say=say)
+        now = stage(bench, model, topology, rng, shapes(model.values), say=say)
         stages.append(now)
         if len(stages) == 1:
             say("free shapes")
@@ -229,11 +223,15 @@ def _choose(now: Stage, drive_level: float) -> Rival | None:
     """Return what to take up: the best that chance would not reach, or else friction along the track.
 
     Every track is rough, so chance makes friction along the track, and its gain proves nothing; its size against the drive
-    decides whether it is a finding. Taken out either way, it no longer hides the rest.
+    decides whether it is a finding. Taken out either way, it no longer hides the rest. Dry friction comes before its
+    refinements where the drive has none yet: a hump at low speed alone fits better than it, because a hump bends more ways.
     """
     if not now.rivals:
         return None
     best = now.rivals[0] if _passes(now.rivals[0]) else None
+    plain = next((r for r in now.rivals if r.candidate.id == _PLAIN and r.probability <= TIE_LEVEL), None)
+    if best is not None and plain is not None and plain.gain > _PLAIN_GAIN * best.gain:
+        return plain
     if best is not None:
         # of what cannot be told apart, the explanation with the fewest numbers
         equals = [r for r in now.rivals if _passes(r) and (r is best or _ties(r, best))]
@@ -287,7 +285,7 @@ def best_of_each(screened: Sequence[Screened], most: int = 1) -> list[Screened]:
 def stage(
     bench: Workbench,
     model: Fit,
-    carts: int,
+    topology: Topology,
     rng: np.random.Generator,
     shapes: Mapping[str, Sequence[float]],
     *,
@@ -295,8 +293,8 @@ def stage(
 ) -> Stage:
     """Search the catalogue once for what explains most of the model's error."""
     raw = bench.residual(model.values)
-    known = {n: v for n, v in model.values.items() if n in LAYOUT}
-    candidates = catalogue(carts, known, shapes)
+    known = [n for n in model.values if n in LAYOUT]
+    candidates = catalogue(topology, known, shapes)
     say(f"screening {len(candidates)} candidates")
     present = orthonormal(model.jacobian)
     e = model.residual - present @ (present.T @ model.residual)
@@ -416,12 +414,12 @@ def settle(bench: Workbench, values: Mapping[str, float], names: Sequence[str], 
     Parameters
     ----------
     spread
-        Whether friction and the track's slope may differ from run to run.
+        Whether friction and the track's slope may differ from run to run; in parts of one recording they never do.
     """
     bench.forget_random_effects()
     raw = bench.residual(values)
     bench.weigh(raw)
-    if spread:
+    if spread and not bench.parts:
         friction = [n for n in ("d1", "d2") if n in names]
         c = Coordinates(friction, values)
         # against a relative change of friction

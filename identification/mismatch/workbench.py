@@ -97,12 +97,15 @@ class Workbench:
         Prepared recordings.
     pool
         Runs the recordings on its threads.
+    parts
+        Whether they are parts of one recording: then friction and the track are the same in all.
     """
 
-    def __init__(self, runs: Sequence[Run], pool: Executor, order: int = ORDER) -> None:
+    def __init__(self, runs: Sequence[Run], pool: Executor, order: int = ORDER, *, parts: bool = False) -> None:
         self.runs = list(runs)
         self.pool = pool
         self.order = order
+        self.parts = parts
         self.rows = _rows(self.runs)
         self.weights = self.rows.valid.astype(float)
         self.filters: list[FloatArray] = [np.array([1.0]), np.array([1.0])]

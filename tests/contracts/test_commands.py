@@ -49,7 +49,8 @@ def folder(tmp_path_factory):
 
 def test_the_contract_names_every_command():
     assert set(COMMANDS) == {
-        "demo", "identify", "validate", "stability", "experiment", "diagnose", "design", "compare", "report"
+        "demo", "identify", "validate", "stability", "experiment", "diagnose", "design", "compare", "report",
+        "benchmark",
     }  # fmt: skip
 
 
@@ -65,7 +66,7 @@ def test_wrong_usage_exits_2(command):
     assert flexdrive(command, "--no-such-option").returncode == 2
 
 
-@pytest.mark.parametrize("command", [c for c in COMMANDS if c != "demo"])
+@pytest.mark.parametrize("command", [c for c in COMMANDS if c not in {"demo", "benchmark"}])
 def test_a_missing_file_is_named_and_nothing_is_written(command, tmp_path):
     result = flexdrive(command, "no/such/thing", "-o" if command != "stability" else "--gain", "1", cwd=tmp_path)
     assert result.returncode == 2

@@ -1,0 +1,162 @@
+"""A benchmark from beginning to end: diagnose, climb the ladder, score every rung by the benchmark's rule."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from baselines.public.benchmark import Benchmark
+from flexdrive_gym import Drive, Recording
+from flexdrive_gym.recording import FloatArray
+from identification import diagnose
+from identification.initial_state import with_start
+from identification.mismatch.ladder import Rung, climb
+from identification.mismatch.verdict import Diagnosis, unit_of
+from identification.output_error import prepare_measured, simulate_run
+
+
+@dataclass(frozen=True)
+class Score:
+    """Rms error of one rung in one recording [unit of the rule].
+
+    Attributes
+    ----------
+    part
+        ``learnt``, ``validation`` or ``test``.
+    column
+        Of the published table.
+    """
+
+    rung: str
+    part: str
+    recording: str
+    column: str
+    rms: float
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """What a benchmark run found.
+
+    Attributes
+    ----------
+    found
+        Diagnosis of what was learnt from.
+    ladder
+        Rungs fitted to what was learnt from.
+    final
+        The same rungs fitted to all training recordings: what test recordings are scored with.
+    scores
+        Of the ladder in what was learnt from and in the validation part, and of ``final`` in test recordings.
+    seconds
+        Wall time.
+    """
+
+    benchmark: Benchmark
+    found: Diagnosis
+    ladder: tuple[Rung, ...]
+    final: tuple[Rung, ...]
+    scores: tuple[Score, ...]
+    seconds: float
+
+    def rms(self, rung: str, part: str, column: str | None = None) -> float:
+        """Return the rms over the recordings of a part; nan where there are none."""
+        squares = [s.rms**2 for s in self.scores if (s.rung, s.part) == (rung, part) and column in (None, s.column)]
+        return float(np.sqrt(np.mean(squares))) if squares else float("nan")
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the object of ``benchmark.json``."""
+        b = self.benchmark
+        return {
+            "schema": 1,
+            "benchmark": b.name,
+            "citation": b.citation,
+            "rule": {"window": b.rule.window, "unit": b.rule.unit, "metric": "rms of a free simulation"},
+            "published": [{"method": p.method, **dict(zip(b.columns, p.figures, strict=True))} for p in b.published],
+            "findings": [{"id": f.id, "where": f.where} for f in self.found.findings],
+            "ladder": [
+                {
+                    "rung": rung.name,
+                    "learnt": self.rms(rung.name, "learnt"),
+                    "validation": self.rms(rung.name, "validation"),
+                    "test": {c: self.rms(rung.name, "test", c) for c in b.columns},
+                    "parameters": parameters(b, last.drive),
+                }
+                for rung, last in zip(self.ladder, self.final, strict=True)
+            ],
+            "scores": [vars(s) for s in self.scores],
+            "seconds": self.seconds,
+        }
+
+
+def parameters(benchmark: Benchmark, drive: Drive) -> dict[str, dict[str, Any]]:
+    """Return the fitted parameters of a drive in the rig's units."""
+    found = {}
+    for name, value in drive.values.items():
+        if name not in benchmark.topology.fixed:
+            number, unit = benchmark.units.of_rig(value, unit_of(name))
+            found[name] = {"value": number, "unit": unit}
+    return found
+
+
+def simulation_error(drive: Drive, recording: Recording, benchmark: Benchmark) -> FloatArray:
+    """Return measured minus simulated output of a free simulation [engine's units], ndarray, shape (n,)."""
+    run = with_start(drive.values, prepare_measured(recording), benchmark.rule.window, moving=benchmark.topology.moving)
+    seen = max(range(len(run.keep)), key=lambda c: int(run.keep[c].sum()))
+    return np.asarray(run.measured[seen] - simulate_run(drive.values, run)[seen])
+
+
+def score_all(benchmark: Benchmark, rungs: Sequence[Rung], recordings: Sequence[Recording], part: str) -> list[Score]:
+    """Score every rung in every recording."""
+    return [
+        Score(
+            rung.name,
+            part,
+            r.name,
+            benchmark.columns[benchmark.column_of(r)],
+            benchmark.score(simulation_error(rung.drive, r, benchmark)),
+        )
+        for rung in rungs
+        for r in recordings
+    ]
+
+
+def run_benchmark(
+    benchmark: Benchmark,
+    folder: Path,
+    *,
+    seed: int = 0,
+    jobs: int | None = None,
+    say: Callable[[str], None] = lambda _: None,
+) -> Result:
+    """Run a benchmark on the files of a folder.
+
+    Raises
+    ------
+    ValueError
+        If the folder has no training files.
+    """
+    begin = time.perf_counter()
+    files = [p for p in benchmark.files(folder, benchmark.train) if p not in benchmark.files(folder, benchmark.test)]
+    if not files:
+        raise ValueError(
+            f"data: {folder} must hold training files of {benchmark.name} ({', '.join(benchmark.train)}); got none. "
+            f"They are those of {benchmark.citation}."
+        )
+    everything = tuple(benchmark.read(p) for p in files)
+    learn, validation = benchmark.hold_out(everything)
+    tests = tuple(benchmark.read(p) for p in benchmark.files(folder, benchmark.test))
+    found = diagnose(learn, seed=seed, jobs=jobs, topology=benchmark.topology, say=say)
+    window = benchmark.rule.window
+    ladder = climb(found, learn, benchmark.topology, window=window, jobs=jobs, say=say)
+    say("fitting all training recordings")
+    final = climb(found, everything, benchmark.topology, window=window, jobs=jobs, say=say)
+    say("scoring")
+    scores = score_all(benchmark, ladder, learn, "learnt") + score_all(benchmark, ladder, validation, "validation")
+    scores += score_all(benchmark, final, tests, "test")
+    return Result(benchmark, found, ladder, final, tuple(scores), time.perf_counter() - begin)

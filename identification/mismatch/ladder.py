@@ -1,0 +1,110 @@
+"""The ladder: the drive with one finding more at every rung, each fitted to what was measured.
+
+The search compares velocities, because they say when an error was made. The ladder answers another question, how well the
+recordings are predicted, so it fits positions where only positions were recorded, and whole recordings instead of parts. Every
+run starts in the state that its first samples tell.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import dataclass
+
+from flexdrive_gym import Drive, Provenance, Recording, __version__
+from identification.initial_state import with_start
+from identification.mismatch.refit import Fit, refit
+from identification.mismatch.search import Progress
+from identification.mismatch.verdict import Diagnosis
+from identification.mismatch.workbench import Workbench
+from identification.output_error import prepare_measured
+from identification.topology import Topology
+
+_ROUNDS, _ITERATIONS = 3, 12
+
+
+@dataclass(frozen=True, eq=False)
+class Rung:
+    """A drive of the ladder.
+
+    Attributes
+    ----------
+    name
+        Effect and place that it adds, as ``stribeck@cart_1``; the topology's name for the first.
+    drive
+        Fitted to the recordings.
+    """
+
+    name: str
+    drive: Drive
+
+
+def climb(
+    found: Diagnosis,
+    recordings: Sequence[Recording],
+    topology: Topology,
+    *,
+    window: int,
+    jobs: int | None = None,
+    say: Progress = lambda _: None,
+) -> tuple[Rung, ...]:
+    """Fit the free drive, then the drive with each finding added in the order in which the search took them up.
+
+    Parameters
+    ----------
+    found
+        A diagnosis of these recordings or parts of them.
+    recordings
+        To fit to.
+    topology
+        That of the diagnosis.
+    window
+        First samples of every recording that its start state may be found from.
+    """
+    learnt: Mapping[str, float] = (found.learnt or found.drive).values
+    steps: list[tuple[str, tuple[str, ...]]] = [(topology.name, ())]
+    steps += [(name, tuple(keys)) for name, keys in found.extra["order"].items()]
+    rungs: list[Rung] = []
+    names = list(topology.free)
+    before: Mapping[str, float] = found.free.values
+    with ThreadPoolExecutor(jobs or len(os.sched_getaffinity(0))) as pool:
+        for name, keys in steps:
+            say(f"fitting the ladder: {name}")
+            names += keys
+            own = {k: learnt[k] for k in names if k in learnt}
+            starts = [
+                own,
+                {**{k: before[k] for k in names if k in before}, **{k: learnt[k] for k in keys if k in learnt}},
+            ]
+            fits = [fit_measured(start, names, recordings, topology, window, pool) for start in starts]
+            before = min(fits, key=lambda f: f.cost).values
+            note = "; ".join(r.name for r in rungs[1:]) + (f"; {name}" if rungs else "")
+            drive = Drive(
+                before,
+                provenance=Provenance("ladder", tuple(r.name for r in recordings), __version__, note.strip("; ")),
+                name=name,
+            )
+            rungs.append(Rung(name, drive))
+    return tuple(rungs)
+
+
+def fit_measured(
+    start: Mapping[str, float],
+    names: Sequence[str],
+    recordings: Sequence[Recording],
+    topology: Topology,
+    window: int,
+    pool: Executor,
+) -> Fit:
+    """Fit parameters to what was measured, start states and weights anew in every round; the cost is unweighted."""
+    runs = [prepare_measured(r) for r in recordings]
+    values: Mapping[str, float] = {**topology.fixed, **start}
+    for _ in range(_ROUNDS):
+        runs = list(pool.map(lambda run: with_start(values, run, window, moving=topology.moving), runs))
+        bench = Workbench(runs, pool)
+        bench.weigh(bench.residual(values))
+        fit = refit(bench, values, names, iterations=_ITERATIONS)
+        values = fit.values
+    e = bench.residual(values)[bench.rows.valid]
+    return Fit(fit.values, fit.names, float(e @ e), fit.residual, fit.jacobian)
