@@ -44,6 +44,7 @@ def with_start(values: Mapping[str, float], run: Run, window: int, *, moving: in
         measured=[y[:window] for y in run.measured],
         keep=[k[:window] for k in run.keep],
         track=np.ascontiguousarray(run.track[:, :window]),
+        fine=None if run.fine is None else run.fine[: window * len(run.fine) // len(run.u)],
     )
     found = [_fitted(values, head, sign, moving) for sign in (1.0, -1.0)]
     return replace(run, start=min(found, key=lambda item: item[1])[0])
@@ -71,7 +72,7 @@ def _fitted(values: Mapping[str, float], run: Run, sign: float, moving: int) -> 
         error = [(m - s)[k] for m, s, k in zip(run.measured, simulated, run.keep, strict=True)]
         return np.concatenate([*error, 0.01 * level * z])
 
-    fit = least_squares(residual, np.zeros(len(free)), diff_step=1e-4, x_scale=1.0, max_nfev=30)
+    fit = least_squares(residual, np.zeros(len(free)), diff_step=np.full(len(free), 1e-4), x_scale=1.0, max_nfev=30)
     return state(fit.x), float(fit.cost)
 
 

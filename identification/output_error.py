@@ -12,6 +12,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.signal import resample_poly
 
 from flexdrive_gym.drive import kernels, parameters
 from flexdrive_gym.drive.effects import WORKSPACE
@@ -21,6 +22,7 @@ from identification.floor import period_samples, run_variance
 from identification.signals import motions
 
 BLOCK_S = 0.005
+PHYSICS_S = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +46,9 @@ class Run:
         run, or the encoder's noise where nothing repeats.
     positions
         Whether positions are compared instead of velocities.
+    fine
+        The command between the samples, ndarray, shape (pieces per sample · n,), where it was continuous; ``None`` where it was
+        held. Holding such a command would delay it by half a sample and weaken what is fast.
     """
 
     name: str
@@ -56,6 +61,7 @@ class Run:
     floor: list[float]
     track: FloatArray
     positions: bool = False
+    fine: FloatArray | None = None
 
     @property
     def block(self) -> int:
@@ -89,6 +95,9 @@ def prepare(recording: Recording) -> Run:
         # a run that starts at rest shows at most a count; anything more is motion it started with
         speed = float(np.mean(x[:head]))
         start[2 * i + 1] = speed if abs(speed) > 2.0 * max(recording.quantum) / recording.sample_time / head else 0.0
+        if start[2 * i + 1] != 0.0 and (recording.v1, recording.v2)[i] is None:
+            # a difference needs the sample before
+            keep[i] = keep[i] & (np.arange(recording.n) > 0)
         place = (recording.x1, recording.x2)[i]
         # encoders start anywhere, but not in the middle of a run; and a single one may be held by a spring to the ground
         if place is not None and (recording.t[0] > 0.0 or len(v) == 1):
@@ -102,7 +111,14 @@ def prepare(recording: Recording) -> Run:
         counts = (recording.quantum[i] / h) ** 2 / 6.0 / width
         repeated = run_variance(x, keep[i], period_samples(recording), width)
         floor.append(max(counts, repeated if np.isfinite(repeated) else 0.0))
-    return Run(recording.name, u, h, v, keep, start, recording.velocity_cutoff, floor, _track(recording, v, keep))
+    fine = _between(u, max(1, round(h / PHYSICS_S))) if recording.hold == "band_limited" else None
+    track = _track(recording, v, keep)
+    return Run(recording.name, u, h, v, keep, start, recording.velocity_cutoff, floor, track, fine=fine)
+
+
+def _between(u: FloatArray, pieces: int) -> FloatArray:
+    """Return a band-limited signal in the middle of each of so many pieces of every sample."""
+    return np.ascontiguousarray(resample_poly(u, 2 * pieces, 1, padtype="line")[1::2])
 
 
 def prepare_measured(recording: Recording) -> Run:
@@ -133,7 +149,7 @@ def _track(recording: Recording, v: Sequence[FloatArray], keep: Sequence[BoolArr
 
 
 def simulate_run(
-    values: Mapping[str, float], run: Run, physics_step: float = 1e-3, pushes: FloatArray | None = None
+    values: Mapping[str, float], run: Run, physics_step: float = PHYSICS_S, pushes: FloatArray | None = None
 ) -> list[FloatArray]:
     """Return the simulated velocities (or positions) of one run, a list of ndarray of shape (n,) per cart [mm/s].
 
@@ -144,21 +160,29 @@ def simulate_run(
         p[parameters.index(f"encoder_quantisation.{place}.quantum")] = 0.0
         if run.cutoff is not None:
             p[parameters.index(f"velocity_processing.{place}.cutoff")] = run.cutoff
-    readings = np.empty((4, len(run.u)))
-    steps = parameters.substeps(values, run.sample_time, physics_step)
+    u, track, pieces = run.u, run.track, 1
+    if run.fine is not None:
+        u, pieces = run.fine, len(run.fine) // len(run.u)
+        track = np.repeat(track, pieces, axis=1)
+        pushes = None if pushes is None else np.repeat(pushes, pieces, axis=1)
+    readings = np.empty((4, len(u)))
+    h = run.sample_time / pieces
     kernels.run_open_loop(
-        run.u,
-        run.sample_time,
-        steps,
+        u,
+        h,
+        parameters.substeps(values, h, physics_step),
         run.start,
         np.zeros(WORK_SPACE),
         parameters.workspace(values) if pushes is None else np.zeros(WORKSPACE),
         p,
         readings,
         None,
-        run.track,
+        track,
         pushes,
     )
+    if pieces > 1:
+        readings = readings[:, ::pieces]
+        readings[2:, 1:] = np.diff(readings[:2]) / run.sample_time
     return [readings[i if run.positions else 2 + i] for i in range(len(run.measured))]
 
 

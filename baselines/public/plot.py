@@ -27,6 +27,7 @@ def draw_ladder(result: Result) -> Figure:
     figure = new_figure(3.6)
     axes = figure.subplots()
     place = range(len(result.ladder))
+    lines: list[tuple[str, str, str, str, str | None]]
     lines = [(label, colour, mark, part, None) for part, (label, colour, mark) in _PARTS.items()]
     lines += [(f"test, {c}", CART[2], "D", "test", c) for c in b.columns]
     for label, colour, mark, part, column in lines:

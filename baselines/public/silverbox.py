@@ -23,7 +23,9 @@ def read(path: Path) -> Recording:
     columns = dict(zip(table.labels, table.values, strict=True))
     t, u, y = (columns[name] for name in ("t_s", "u_V", "y_V"))
     name = re.sub(r"\.csv(\.gz)?$", "", path.name)
-    return Recording(name, t * UNITS.time, u * UNITS.voltage, x1=y * UNITS.length, source=path.name)
+    return Recording(
+        name, t * UNITS.time, u * UNITS.voltage, x1=y * UNITS.length, source=path.name, hold="band_limited"
+    )
 
 
 def hold_out(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:

@@ -118,10 +118,8 @@ def nuisance(
     start = rng.uniform(-_START_MM, _START_MM) if bench.parts else 0.0
     # what all parts of one recording share is no difference between them: a friction or a slope that chance could make there
     # would be a property of the drive
-    shared = [
-        float(np.mean(profile(np.concatenate([r.track[c] for r in bench.runs]) + start)))
-        for c, profile in enumerate(slopes)
-    ]
+    ways = [np.concatenate([r.track[c] for r in bench.runs]) + start for c in range(carts)]
+    shared = [float(np.mean(profile(way))) if bench.parts else 0.0 for profile, way in zip(slopes, ways, strict=True)]
     for run, speed in zip(bench.runs, speeds, strict=True):
         n, h = len(run.u), run.sample_time
         force = np.zeros((2, n))
@@ -138,7 +136,7 @@ def nuisance(
             coarse = max(1, round(0.5 / _BAND_HZ / h))
             shake = np.interp(np.arange(n) / coarse, np.arange(n // coarse + 2), rng.standard_normal(n // coarse + 2))
             force[c] = noise * shake
-            force[c] += slope * (slopes[c](run.track[c] + start) - (shared[c] if bench.parts else 0.0))
+            force[c] += slope * (slopes[c](run.track[c] + start) - shared[c])
             force[c] -= np.where(np.abs(v) > _RESTING, np.sign(v), 0.0) * level * friction
         pushes.append(force)
     return pushes

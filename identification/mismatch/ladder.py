@@ -11,6 +11,7 @@ import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 from flexdrive_gym import Drive, Provenance, Recording, __version__
 from identification.initial_state import with_start
@@ -101,7 +102,8 @@ def fit_measured(
     runs = [prepare_measured(r) for r in recordings]
     values: Mapping[str, float] = {**topology.fixed, **start}
     for _ in range(_ROUNDS):
-        runs = list(pool.map(lambda run: with_start(values, run, window, moving=topology.moving), runs))
+        begin = partial(with_start, values, window=window, moving=topology.moving)
+        runs = list(pool.map(begin, runs))
         bench = Workbench(runs, pool)
         bench.weigh(bench.residual(values))
         fit = refit(bench, values, names, iterations=_ITERATIONS)
