@@ -54,6 +54,8 @@ _LINE_SHARE = 0.05
 _NEAR_FLOOR = 1.25
 # a finding must cut the squared error by this share
 _LEAST_PROOF = 0.02
+# a velocity that goes less far below zero than this, against its largest, never does
+_NEGATIVE = 0.05
 # cut-offs of a velocity filter, in multiples of the sampling rate
 _FILTERS = (0.03, 0.08, 0.2)
 
@@ -146,7 +148,20 @@ class _Diagnosing:
             say("fitting with the handout's ratios")
             self.tied = identify_by_likelihood(split.learn, ties=HANDOUT_RATIOS, threads=jobs, topology=topology)
         self.bench = Workbench([prepare(r) for r in split.learn], pool, parts=split.parts)
+        self.starts = self.without_sign(jobs)
         self.level = float(np.median([np.max(np.abs(r.u)) for r in split.learn]))
+
+    def without_sign(self, jobs: int | None) -> dict[tuple[str, str], Mapping[str, float]]:
+        """Return the free drive seen through a sensor that loses the sign, where a velocity never goes below zero."""
+        found: dict[tuple[str, str], Mapping[str, float]] = {}
+        for cart in (1, 2):
+            where = f"encoder_{cart}"
+            if not self.topology.offers(where) or not _never_negative(self.split.learn, f"v{cart}"):
+                continue
+            fixed = {f"rectified_sensor.{where}.share": 1.0}
+            fit = identify_by_likelihood(self.split.learn, fixed=fixed, threads=jobs, topology=self.topology)
+            found["rectified_sensor", where] = fit.drive.values
+        return found
 
     def forces(self, values: Mapping[str, float], runs: Sequence[Recording]) -> list[MissingForce]:
         return list(self.pool.map(lambda r: missing_force(values, r), runs))
@@ -172,7 +187,16 @@ class _Diagnosing:
         say("estimating the missing forces")
         forces = self.forces(free, split.learn)
         maps = draw_maps(forces)
-        found = search(self.bench, free, self.topology, self.rng, drive_level=self.level, shapes=self.shapes, say=say)
+        found = search(
+            self.bench,
+            free,
+            self.topology,
+            self.rng,
+            drive_level=self.level,
+            shapes=self.shapes,
+            starts=self.starts,
+            say=say,
+        )
         shape, alike = self.unnamed(found)
         say("proving on recordings kept away")
         proofs, before_values, after_values = self.proven(found)
@@ -211,7 +235,7 @@ class _Diagnosing:
             friction_spread=self.bench.spread.get("friction", 0.0),
             extra={
                 "rivals": _rivals([p.step for p in proofs]),
-                "order": {"@".join(p.step.rival.name): _keys(p.step) for p in proofs},
+                "order": {"@".join(p.step.rival.name): (_keys(p.step), _held(p.step)) for p in proofs},
             },
             learnt=after,
         )
@@ -249,9 +273,8 @@ class _Diagnosing:
         }
         offsets = np.zeros(len(self.bench.runs))
         for step in steps:
-            keys = _keys(step)
-            names += keys
-            values |= {k: start.get(k, found.model.values[k]) for k in keys}
+            names += _keys(step)
+            values |= {k: start.get(k, found.model.values[k]) for k in (*_keys(step), *_held(step))}
             if step.rival.candidate.period is not None:
                 offsets = step.rival.offsets
         kept, self.bench.offsets = self.bench.offsets, offsets
@@ -318,11 +341,11 @@ class _Diagnosing:
         result = []
         for proof in proofs:
             step = proof.step
-            keys = _keys(step)
             parameters = {
                 short(k): Estimate(drive[k], drive.intervals.get(k, (float("nan"), float("nan"))), unit_of(k))
-                for k in keys
+                for k in _keys(step)
             }
+            parameters |= {short(k): Estimate(v, (v, v), unit_of(k)) for k, v in _held(step).items()}
             # what is itself a finding is no other explanation
             ties = tuple(Named(*t.name) for t in step.ties if t.name not in {p.step.rival.name for p in proofs})
             id_, where = step.rival.name
@@ -357,9 +380,25 @@ class _Diagnosing:
         return tuple(notes)
 
 
+def _never_negative(recordings: Sequence[Recording], channel: str) -> bool:
+    """Whether a recorded velocity never goes below zero, though the command changes its sign."""
+    signals = [v for r in recordings if (v := getattr(r, channel)) is not None]
+    if not signals or not any(np.min(r.u) < 0.0 < np.max(r.u) for r in recordings):
+        return False
+    return min(float(np.min(v)) for v in signals) > -_NEGATIVE * max(float(np.max(v)) for v in signals)
+
+
 def _keys(step: Step) -> tuple[str, ...]:
     """Return the parameters of an effect that were fitted."""
     return tuple(k for k in step.rival.candidate.keys if k in step.rival.fit.names)
+
+
+def _held(step: Step) -> dict[str, float]:
+    """Return the parameters of an effect that were not fitted, because it is there or it is not."""
+    fit = step.rival.fit
+    if _keys(step):
+        return {}
+    return {k: fit.values[k] for k in step.rival.candidate.keys if k in fit.values}
 
 
 def _rivals(steps: Sequence[Step]) -> dict[str, list[dict[str, Any]]]:

@@ -64,20 +64,20 @@ def climb(
         First samples of every recording that its start state may be found from.
     """
     learnt: Mapping[str, float] = (found.learnt or found.drive).values
-    steps: list[tuple[str, tuple[str, ...]]] = [(topology.name, ())]
-    steps += [(name, tuple(keys)) for name, keys in found.extra["order"].items()]
+    steps: list[tuple[str, tuple[str, ...], Mapping[str, float]]] = [(topology.name, (), {})]
+    steps += [(name, tuple(keys), held) for name, (keys, held) in found.extra["order"].items()]
     rungs: list[Rung] = []
     names = list(topology.free)
+    kept: dict[str, float] = {}
     before: Mapping[str, float] = found.free.values
     with ThreadPoolExecutor(jobs or len(os.sched_getaffinity(0))) as pool:
-        for name, keys in steps:
+        for name, keys, held in steps:
             say(f"fitting the ladder: {name}")
             names += keys
+            kept |= held
             own = {k: learnt[k] for k in names if k in learnt}
-            starts = [
-                own,
-                {**{k: before[k] for k in names if k in before}, **{k: learnt[k] for k in keys if k in learnt}},
-            ]
+            last = {k: before[k] for k in names if k in before}
+            starts = [{**own, **kept}, {**own, **last, **kept}]
             fits = [fit_measured(start, names, recordings, topology, window, pool) for start in starts]
             before = min(fits, key=lambda f: f.cost).values
             note = "; ".join(r.name for r in rungs[1:]) + (f"; {name}" if rungs else "")

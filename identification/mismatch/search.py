@@ -18,6 +18,8 @@ from identification.mismatch.workbench import FRICTION, OFFSET, Workbench
 from identification.topology import Topology
 
 Progress = Callable[[str], None]
+# effect and place to a drive that has it
+Starts = Mapping[tuple[str, str], Mapping[str, float]]
 # a finding must be rarer than this by chance, and explain at least this share of the remaining squared error
 LEVEL, LEAST_GAIN = 0.01, 0.03
 # rivals closer than this in gain, or not plainly worse in the paired recordings, are ties
@@ -170,6 +172,7 @@ def search(
     *,
     drive_level: float,
     shapes: Callable[[Mapping[str, float]], Mapping[str, Sequence[float]]],
+    starts: Starts | None = None,
     say: Progress = lambda _: None,
 ) -> Search:
     """Find the effects that were left out of a drive.
@@ -184,12 +187,16 @@ def search(
         Typical command [V], against which sizes are judged.
     shapes
         Start grids found from the data, for the present model.
+    starts
+        Drives from which named candidates are refitted, instead of from the present model: a sensor that shows something else
+        than motion spoils every fit that does not know of it.
     """
+    starts = starts or {}
     first = model = baseline(bench, values, topology.free)
     steps: list[Step] = []
     stages: list[Stage] = []
     while True:
-        now = stage(bench, model, topology, rng, shapes(model.values), say=say)
+        now = stage(bench, model, topology, rng, shapes(model.values), starts, say=say)
         stages.append(now)
         if len(stages) == 1:
             say("free shapes")
@@ -288,6 +295,7 @@ def stage(
     topology: Topology,
     rng: np.random.Generator,
     shapes: Mapping[str, Sequence[float]],
+    starts: Starts,
     *,
     say: Progress = lambda _: None,
 ) -> Stage:
@@ -306,9 +314,11 @@ def stage(
     luck = chance(bench, screened, null, present)
     leaders = best_of_each(screened)
     tried = []
-    for s in _to_refit(screened, leaders, luck):
+    chosen = _to_refit(screened, leaders, luck)
+    chosen += [s for s in screened if s.candidate.name in starts and not any(s is c for c in chosen)]
+    for s in chosen:
         say(f"refitting with {s.candidate.id} ({s.candidate.where})")
-        tried.append(_rival(bench, model, s, raw))
+        tried.append(_rival(bench, model, s, raw, starts.get(s.candidate.name)))
     best: dict[tuple[str, str], Rival] = {}
     for r in tried:
         if r.name not in best or r.fit.cost < best[r.name].fit.cost:
@@ -339,8 +349,14 @@ def _to_refit(screened: Sequence[Screened], leaders: Sequence[Screened], luck: C
     return chosen
 
 
-def _rival(bench: Workbench, model: Fit, s: Screened, raw: FloatArray) -> Rival:
+def _rival(
+    bench: Workbench, model: Fit, s: Screened, raw: FloatArray, known: Mapping[str, float] | None = None
+) -> Rival:
     c = s.candidate
+    if known is not None:
+        # its own parameters stay as given: a sensor loses the sign or it does not
+        fit = refit(bench, {**model.values, **known}, model.names, iterations=12)
+        return Rival(s, fit, bench.offsets, 1.0 - fit.cost / model.cost)
     start = {**model.values, **dict(c.shapes)}
     for (key, _), size in zip(c.sizes, s.sizes, strict=True):
         low, high = bounds(key)
