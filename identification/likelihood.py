@@ -37,6 +37,8 @@ from identification.topology import Topology, topology_of
 _LOGARITHMIC = frozenset({"m1", "m2", "k"})
 _ROUNDS = 3
 _COARSE = 8
+# a logarithm this uncertain says nothing, and its exponential is still a number
+_UNKNOWN = 300.0
 # of a drive whose equations of motion are not all seen, stiffness is known least
 _STIFFER = (0.1, 0.3, 3.0, 10.0)
 _BLOCK_S = 1.0
@@ -331,7 +333,7 @@ def _result(
     spread = quantile * np.sqrt(np.diag(covariance))
     intervals = {
         # masses and stiffness were fitted as logarithms, so their intervals are ratios
-        name: (float(v * np.exp(-s / v)), float(v * np.exp(s / v)))
+        name: (float(v * np.exp(-s / v)), float(v * np.exp(min(s / v, _UNKNOWN))))
         if name in _LOGARITHMIC
         else (max(0.0, float(v - s)), float(v + s))
         for name, v, s in zip(fit.names, (values[n] for n in fit.names), spread, strict=True)

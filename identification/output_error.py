@@ -23,6 +23,10 @@ from identification.signals import motions
 
 BLOCK_S = 0.005
 PHYSICS_S = 1e-3
+# a drive that shows more than this has run away [mm, mm/s]
+_RUNAWAY = 1e9
+# what tells the speed at the start of a run whose velocity was not recorded [s], and how few samples of it are all used
+_HEAD_S, _FEW = 0.02, 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,12 +97,13 @@ def prepare(recording: Recording) -> Run:
     head = max(3, round(0.01 / recording.sample_time))
     for i, x in enumerate(v):
         # a run that starts at rest shows at most a count; anything more is motion it started with
-        speed = float(np.mean(x[:head]))
+        place = (recording.x1, recording.x2)[i]
+        derived = (recording.v1, recording.v2)[i] is None and place is not None
+        speed = _speed(place, recording.sample_time) if derived and place is not None else float(np.mean(x[:head]))
         start[2 * i + 1] = speed if abs(speed) > 2.0 * max(recording.quantum) / recording.sample_time / head else 0.0
-        if start[2 * i + 1] != 0.0 and (recording.v1, recording.v2)[i] is None:
+        if start[2 * i + 1] != 0.0 and derived:
             # a difference needs the sample before
             keep[i] = keep[i] & (np.arange(recording.n) > 0)
-        place = (recording.x1, recording.x2)[i]
         # encoders start anywhere, but not in the middle of a run; and a single one may be held by a spring to the ground
         if place is not None and (recording.t[0] > 0.0 or len(v) == 1):
             start[2 * i] = place[0]
@@ -114,6 +119,13 @@ def prepare(recording: Recording) -> Run:
     fine = _between(u, max(1, round(h / PHYSICS_S))) if recording.hold == "band_limited" else None
     track = _track(recording, v, keep)
     return Run(recording.name, u, h, v, keep, start, recording.velocity_cutoff, floor, track, fine=fine)
+
+
+def _speed(x: FloatArray, h: float) -> float:
+    """Return the speed at the first sample: the slope of a parabola through 20 ms, or of what passes through five samples."""
+    n = min(max(5, round(_HEAD_S / h)), len(x))
+    degree = 2 if n > _FEW else n - 1
+    return float(np.polynomial.polynomial.polyfit(np.arange(n), x[:n], degree)[1] / h)
 
 
 def _between(u: FloatArray, pieces: int) -> FloatArray:
@@ -180,6 +192,9 @@ def simulate_run(
         track,
         pushes,
     )
+    if not np.max(np.abs(readings)) < _RUNAWAY:
+        # masses so small that the step is unstable for them: a fit that tries them must see a number
+        readings = np.clip(np.nan_to_num(readings, nan=_RUNAWAY), -_RUNAWAY, _RUNAWAY)
     if pieces > 1:
         readings = readings[:, ::pieces]
         readings[2:, 1:] = np.diff(readings[:2]) / run.sample_time

@@ -86,7 +86,7 @@ def chance(bench: Workbench, screened: Sequence[Screened], null: FloatArray, pre
     total = np.maximum(np.sum(e**2, axis=0), 1e-300)
 
     def gain(s: Screened) -> FloatArray:
-        if s.candidate.period is None:
+        if not bench.unplaced(s.candidate.period):
             return np.asarray(np.sum((s.basis.T @ e) ** 2, axis=0) / total)
         rows = [bench.rows.of(r) for r in range(len(bench.runs))]
         return np.asarray(sum(np.sum((s.basis[i].T @ e[i]) ** 2, axis=0) for i in rows) / total)

@@ -56,6 +56,8 @@ _NEAR_FLOOR = 1.25
 _LEAST_PROOF = 0.02
 # a velocity that goes less far below zero than this, against its largest, never does
 _NEGATIVE = 0.05
+# a logarithm this uncertain says nothing, and its exponential is still a number
+_UNKNOWN = 300.0
 # cut-offs of a velocity filter, in multiples of the sampling rate
 _FILTERS = (0.03, 0.08, 0.2)
 
@@ -422,7 +424,7 @@ def _between_runs(bench: Workbench, J: FloatArray, e: FloatArray) -> FloatArray:
 
 def _interval(name: str, value: float, spread: float, gain: float, *, log: bool) -> tuple[float, float]:
     if log:
-        return float(value * np.exp(-spread)), float(value * np.exp(spread))
+        return float(value * np.exp(-spread)), float(value * np.exp(min(spread, _UNKNOWN)))
     low, high = value - spread * gain, value + spread * gain
     if name in LAYOUT:
         low, high = max(low, LAYOUT[name].parameter.lower), min(high, LAYOUT[name].parameter.upper)

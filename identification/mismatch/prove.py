@@ -49,7 +49,8 @@ def period_of(values: Mapping[str, float]) -> float:
 def place(values: Mapping[str, float], recordings: Sequence[Recording], pool: Executor) -> FloatArray:
     """Return where every run began along the track [mm], as far as a repeating effect tells."""
     period = period_of(values)
-    if not period or not recordings:
+    # parts of one recording keep its clock, and its place along the track
+    if not period or not recordings or any(r.t[0] > 0.0 for r in recordings):
         return np.zeros(len(recordings))
     bench = Workbench([prepare(r) for r in recordings], pool)
     costs = []

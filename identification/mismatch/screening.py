@@ -78,7 +78,7 @@ def screen(
     hidden = 1.0 - float(np.sum(beyond**2)) / total
     if hidden > 1.0 - _SMALLEST:
         return nothing
-    if candidate.period is not None:
+    if bench.unplaced(candidate.period):
         return _screen_each_run(bench, candidate, beyond, residual, hidden)
     amplitude, *_ = np.linalg.lstsq(beyond, -residual, rcond=1e-6)
     use = ~(np.array([_one_sided(key) for key, _ in candidate.sizes]) & (amplitude <= 0.0))

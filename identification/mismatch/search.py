@@ -320,12 +320,24 @@ def stage(
         say(f"refitting with {s.candidate.id} ({s.candidate.where})")
         tried.append(_rival(bench, model, s, raw, starts.get(s.candidate.name)))
     best: dict[tuple[str, str], Rival] = {}
-    for r in tried:
+    for r in (r for r in tried if _repeats(bench, r)):
         if r.name not in best or r.fit.cost < best[r.name].fit.cost:
             best[r.name] = r
     judged = [replace(r, probability=luck.probability(r.name, max(r.gain, r.screened.gain))) for r in best.values()]
     order = sorted(judged, key=lambda r: (not _passes(r), r.fit.cost))
     return Stage(model, tuple(_paired(bench, order, rng)), tuple(leaders), null)
+
+
+def _repeats(bench: Workbench, rival: Rival) -> bool:
+    """Whether the way holds a whole wave of an effect that repeats along it; any smooth force is a piece of a long wave.
+
+    Asked only where all runs share their place: waves of several runs that began anywhere overlap as they please.
+    """
+    period = rival.candidate.period
+    if period is None or not bench.parts:
+        return True
+    track = np.concatenate([run.track for run in bench.runs], axis=1)
+    return rival.fit.values[period] <= float(np.max(np.ptp(track, axis=1)))
 
 
 def _passes(rival: Rival) -> bool:
@@ -363,13 +375,13 @@ def _rival(
         start[key] = float(np.clip(size, low, high))
     here = bench.offsets
     keys = c.keys
-    if c.period is not None:
+    if bench.unplaced(c.period):
         keys = _align(bench, model, c, start, raw)
     # shapes do nothing while every size is null
     if all(start[key] == LAYOUT[key].parameter.null for key, _ in c.sizes):
         start.update({key: 0.1 * size for key, size in c.sizes})
     fit = refit(bench, start, (*model.names, *keys), iterations=6, fresh=keys, known=(model.names, model.jacobian))
-    if c.period is not None:
+    if bench.unplaced(c.period):
         keys = _align(bench, model, c, dict(fit.values), raw)
         again = refit(
             bench, fit.values, (*model.names, *keys), iterations=3, fresh=keys, known=(model.names, model.jacobian)

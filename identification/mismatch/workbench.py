@@ -113,6 +113,10 @@ class Workbench:
         self.spread: dict[str, float] = {}
         self._random: list[FloatArray] = []
 
+    def unplaced(self, period: str | None) -> bool:
+        """Whether an effect that repeats with this period meets every run at an unknown place; parts of one run share theirs."""
+        return period is not None and not self.parts
+
     def blocks(self, values: Mapping[str, float], run: int, pushes: FloatArray | None = None) -> FloatArray:
         """Return block means of measured minus simulated velocity of one recording, all carts in a row [mm/s]."""
         item = self.runs[run]
