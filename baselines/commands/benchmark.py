@@ -77,23 +77,24 @@ def _write(result: Result, output: Path) -> None:
 
 def _print(result: Result) -> None:
     b = result.benchmark
+    validated = [c for c in b.columns if any(s.part == "validation" and s.column == c for s in result.scores)]
     tested = any(s.part == "test" for s in result.scores)
     rows = [
         [
             f"+ {rung.name.replace('_', ' ').replace('@', ' at ')}" if i else rung.name,
             number(result.rms(rung.name, "learnt"), 3),
-            *(number(result.rms(rung.name, "validation", c), 3) for c in b.columns),
+            *(number(result.rms(rung.name, "validation", c), 3) for c in validated),
             *(number(result.rms(rung.name, "test", c), 3) for c in b.columns),
         ]
         for i, rung in enumerate(result.ladder)
     ]
     rows += [
-        [f"published: {p.method}", "", *([""] * len(b.columns)), *(number(f, 3) for f in p.figures)]
+        [f"published: {p.method}", "", *([""] * len(validated)), *(number(f, 3) for f in p.figures)]
         for p in b.published
     ]
     table(
         f"{b.title}: rms of the free simulation [{b.rule.unit}] after {b.rule.window} samples of initialisation",
-        ["", "fitted to", *(f"validation, {c}" for c in b.columns), *(f"test, {c}" for c in b.columns)],
+        ["", "fitted to", *(f"validation, {c}" for c in validated), *(f"test, {c}" for c in b.columns)],
         [row for row in rows if any(cell not in ("", "–") for cell in row[1:])],
     )
     if not tested:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +58,8 @@ class Benchmark:
         Divides the training recordings into what is learnt from and what is kept for validation.
     column_of
         Returns in which column of the table a recording is scored.
+    without_extrapolation
+        Column to another one, in which the same recording is scored up to where its output leaves the range of training.
     """
 
     name: str
@@ -73,6 +75,7 @@ class Benchmark:
     published: tuple[Published, ...]
     hold_out: Callable[[Sequence[Recording]], tuple[tuple[Recording, ...], tuple[Recording, ...]]]
     column_of: Callable[[Recording], int] = lambda _: 0
+    without_extrapolation: Mapping[int, int] = field(default_factory=dict)
 
     def files(self, folder: Path, patterns: Sequence[str]) -> list[Path]:
         """Return the files of a folder that match, in order of their names."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from math import isfinite
+from math import isfinite, log10
 from typing import TYPE_CHECKING
+
+from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
 from identification.plots.style import CART, MARK, MEASURED, legend_above, new_figure, styled
 
@@ -43,6 +45,8 @@ def draw_ladder(result: Result) -> Figure:
                 fontsize=6.5, color=MARK,
             )  # fmt: skip
     axes.set_yscale("log")
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter(NullFormatter() if _decades(result) > 1.0 else StrMethodFormatter("{x:g}"))
     axes.set_ylabel(f"free-simulation rms [{b.rule.unit}]")
     axes.set_xticks(list(place), [_label(rung.name, i) for i, rung in enumerate(result.ladder)])
     axes.set_xlim(-0.3, len(result.ladder) - 0.2)
@@ -51,6 +55,12 @@ def draw_ladder(result: Result) -> Figure:
     return figure
 
 
+def _decades(result: Result) -> float:
+    """Return over how many decades the picture goes."""
+    figures = [s.rms for s in result.scores] + [f for p in result.benchmark.published for f in p.figures]
+    return log10(max(figures) / min(figures))
+
+
 def _label(name: str, place: int) -> str:
     effect, _, where = name.replace("_", " ").partition("@")
-    return effect.replace(" ", "\n", 1) if not place else f"+ {effect}\n{where}"
+    return effect.replace(" ", "\n", 1) if not place else "+ " + "\n".join([*effect.split(), where])

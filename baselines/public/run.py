@@ -111,19 +111,33 @@ def simulation_error(drive: Drive, recording: Recording, benchmark: Benchmark) -
     return np.asarray(run.measured[seen] - simulate_run(drive.values, run)[seen])
 
 
-def score_all(benchmark: Benchmark, rungs: Sequence[Rung], recordings: Sequence[Recording], part: str) -> list[Score]:
+def score_all(
+    benchmark: Benchmark,
+    rungs: Sequence[Rung],
+    recordings: Sequence[Recording],
+    part: str,
+    training: Sequence[Recording],
+) -> list[Score]:
     """Score every rung in every recording."""
-    return [
-        Score(
-            rung.name,
-            part,
-            r.name,
-            benchmark.columns[benchmark.column_of(r)],
-            benchmark.score(simulation_error(rung.drive, r, benchmark)),
-        )
-        for rung in rungs
-        for r in recordings
-    ]
+    scores = []
+    for r in recordings:
+        column = benchmark.column_of(r)
+        inside = _within(r, training)
+        for rung in rungs:
+            error = simulation_error(rung.drive, r, benchmark)
+            scores.append(Score(rung.name, part, r.name, benchmark.columns[column], benchmark.score(error)))
+            again = benchmark.without_extrapolation.get(column)
+            if again is not None and inside > benchmark.rule.window:
+                rms = benchmark.score(error[:inside])
+                scores.append(Score(rung.name, part, r.name, benchmark.columns[again], rms))
+    return scores
+
+
+def _within(recording: Recording, training: Sequence[Recording]) -> int:
+    """Return how many samples there are before the output exceeds every one of training."""
+    most = {name: max(float(np.max(np.abs(getattr(r, name)))) for r in training) for name, _ in recording.channels()}
+    beyond = np.any([np.abs(y) > most[name] for name, y in recording.channels()], axis=0)
+    return int(np.argmax(beyond)) if beyond.any() else recording.n
 
 
 def run_benchmark(
@@ -157,6 +171,7 @@ def run_benchmark(
     say("fitting all training recordings")
     final = climb(found, everything, benchmark.topology, window=window, jobs=jobs, say=say)
     say("scoring")
-    scores = score_all(benchmark, ladder, learn, "learnt") + score_all(benchmark, ladder, validation, "validation")
-    scores += score_all(benchmark, final, tests, "test")
+    scores = score_all(benchmark, ladder, learn, "learnt", learn)
+    scores += score_all(benchmark, ladder, validation, "validation", learn)
+    scores += score_all(benchmark, final, tests, "test", everything)
     return Result(benchmark, found, ladder, final, tuple(scores), time.perf_counter() - begin)

@@ -30,6 +30,8 @@ WAY_MM = 100.0
 # friction along the track is taken out from this gain on, and is a finding from this one on
 TRACK_GAIN, TRACK_FINDING = 0.15, 0.4
 MOST_EFFECTS = 5
+# waves within the way that make a repetition
+_WAVES = 1.5
 # what comes before its refinements, if it explains this share of what the best of them does
 _PLAIN, _PLAIN_GAIN = "coulomb_friction", 0.5
 _BATCH = 48
@@ -329,7 +331,7 @@ def stage(
 
 
 def _repeats(bench: Workbench, rival: Rival) -> bool:
-    """Whether the way holds a whole wave of an effect that repeats along it; any smooth force is a piece of a long wave.
+    """Whether the way holds enough waves of an effect to call it repeating; any smooth force is a piece of a long wave.
 
     Asked only where all runs share their place: waves of several runs that began anywhere overlap as they please.
     """
@@ -337,7 +339,7 @@ def _repeats(bench: Workbench, rival: Rival) -> bool:
     if period is None or not bench.parts:
         return True
     track = np.concatenate([run.track for run in bench.runs], axis=1)
-    return rival.fit.values[period] <= float(np.max(np.ptp(track, axis=1)))
+    return _WAVES * rival.fit.values[period] <= float(np.max(np.ptp(track, axis=1)))
 
 
 def _passes(rival: Rival) -> bool:

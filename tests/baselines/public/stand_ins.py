@@ -39,13 +39,13 @@ def write_belt(path, n, seed, shift=0.0):
     write(path, "coupled_drives", t, u, np.abs(run.v2) / 100.0 + 0.003 * rng.standard_normal(n))
 
 
-def write_oscillator(path, n, seed):
-    """A mass on a cubic spring to the ground, driven by a multisine of up to 200 Hz."""
+def write_oscillator(path, n, seed, *, grow=False):
+    """A mass on a cubic spring to the ground, driven by a multisine of up to 200 Hz, constant or growing to twice its size."""
     rng = np.random.default_rng(seed)
     h = 2.0**14 / 1e7
     f = np.fft.rfftfreq(n, h)
     u = np.fft.irfft(np.where(f < 200.0, np.exp(2j * np.pi * rng.random(len(f))), 0.0), n)
-    u *= 0.022 / np.std(u)
+    u *= 0.022 / np.std(u) * (np.linspace(0.0, 2.0, n) if grow else 1.0)
     t = np.arange(n) * h
     still = Recording("stand-in", t * 3.0, u * 20.0, x1=np.zeros(n), hold="band_limited")
     y = simulate_run(OSCILLATOR, replace(prepare(still), positions=True))[0] / 100.0

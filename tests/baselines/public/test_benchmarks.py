@@ -63,11 +63,18 @@ def test_a_pulse_counter_on_a_belt_drive_is_recognised(tmp_path):
 
 def test_an_oscillator_shows_its_cubic_spring(tmp_path):
     write_oscillator(tmp_path / "train_multisine.csv", 6000, seed=3)
+    write_oscillator(tmp_path / "test_arrow.csv", 2000, seed=4, grow=True)
     result = run_benchmark(BENCHMARKS["silverbox"], tmp_path)
     assert "hardening_spring@spring" in names(result)
     last = result.ladder[-1].name
     # the noise is 0.1 mV
     assert result.rms(last, "validation") < 0.2
+    # beyond the range of training it is the same spring; an arrow is scored in both columns
+    whole, within = (result.rms(last, "test", c) for c in ("arrow", "arrow within range"))
+    assert whole < 0.3
+    assert within < 0.3
+    assert whole != within
+    assert np.isnan(result.rms(last, "test", "multisine"))
     k3 = result.as_json()["ladder"][-1]["parameters"]["hardening_spring.k3"]
     assert k3["value"] == pytest.approx(7.8e-5 * 100.0**3 / 20.0, rel=0.05)
     assert k3["unit"] == "V/V³"
