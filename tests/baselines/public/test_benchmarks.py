@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from baselines.commands.benchmark import Name
 from baselines.public import BENCHMARKS, run_benchmark
 from baselines.public.plot import draw_ladder
 from tests.baselines.public.stand_ins import CARRIAGE, write_belt, write_carriage, write_oscillator
@@ -83,6 +84,10 @@ def test_an_oscillator_shows_its_cubic_spring(tmp_path):
 def test_a_folder_without_training_files_is_named(tmp_path):
     with pytest.raises(ValueError, match=r"data: .* must hold training files of emps \(\*train\*\); got none"):
         run_benchmark(BENCHMARKS["emps"], tmp_path)
+
+
+def test_the_command_knows_every_benchmark():
+    assert {name.value for name in Name} == set(BENCHMARKS)
 
 
 @pytest.mark.parametrize("name", sorted(BENCHMARKS))
