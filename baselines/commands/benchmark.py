@@ -78,27 +78,33 @@ def _write(result: Result, output: Path) -> None:
 def _print(result: Result) -> None:
     b = result.benchmark
     validated = [c for c in b.columns if any(s.part == "validation" and s.column == c for s in result.scores)]
-    tested = any(s.part == "test" for s in result.scores)
-    rows = [
-        [
-            f"+ {rung.name.replace('_', ' ').replace('@', ' at ')}" if i else rung.name,
-            number(result.rms(rung.name, "learnt"), 3),
-            *(number(result.rms(rung.name, "validation", c), 3) for c in validated),
-            *(number(result.rms(rung.name, "test", c), 3) for c in b.columns),
-        ]
-        for i, rung in enumerate(result.ladder)
-    ]
-    rows += [
-        [f"published: {p.method}", "", *([""] * len(validated)), *(number(f, 3) for f in p.figures)]
-        for p in b.published
-    ]
+    rule = f"rms of the free simulation [{b.rule.unit}] after {b.rule.window} samples of initialisation"
     table(
-        f"{b.title}: rms of the free simulation [{b.rule.unit}] after {b.rule.window} samples of initialisation",
-        ["", "fitted to", *(f"validation, {c}" for c in validated), *(f"test, {c}" for c in b.columns)],
-        [row for row in rows if any(cell not in ("", "–") for cell in row[1:])],
+        f"{b.title}: {rule}",
+        ["fitted to a part of the training recordings", "there", *(f"validation, {c}" for c in validated)],
+        [
+            [
+                _name(rung.name, i),
+                number(result.rms(rung.name, "learnt"), 3),
+                *(number(result.rms(rung.name, "validation", c), 3) for c in validated),
+            ]
+            for i, rung in enumerate(result.ladder)
+        ],
     )
-    if not tested:
-        say("no test* files in the folder: the test columns hold the published figures only")
+    rows = [
+        [_name(rung.name, i), *(number(result.rms(rung.name, "test", c), 3) for c in b.columns)]
+        for i, rung in enumerate(result.final if result.tested else ())
+    ]
+    rows += [[f"published: {p.method}", *(number(f, 3) for f in p.figures)] for p in b.published]
+    say("")
+    table(
+        "test recordings, from all training recordings"
+        if result.tested
+        else "no test* files in the folder; published:",
+        ["", *b.columns],
+        rows,
+    )
+    say("")
     for f in result.found.findings:
         say(f"- {f.statement}")
     if result.found.unnamed is not None:
@@ -111,3 +117,7 @@ def _print(result: Result) -> None:
             f"1 V = {units.voltage:g} V; benchmark.json has the rig's"
         )
     say(f"cite: {b.citation}")
+
+
+def _name(rung: str, place: int) -> str:
+    return f"+ {rung.replace('_', ' ').replace('@', ' at ')}" if place else rung

@@ -10,35 +10,50 @@ from matplotlib.ticker import NullFormatter, StrMethodFormatter
 from identification.plots.style import CART, MARK, MEASURED, legend_above, new_figure, styled
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from baselines.public.run import Result
+    from identification.mismatch.ladder import Rung
 
-_PARTS = {"learnt": ("fitted to", MEASURED, "o"), "validation": ("own validation part", CART[1], "s")}
+    # label, colour, marker, part and column of the scores
+    Line = tuple[str, str, str, str, str | None]
 
 
 @styled
 def draw_ladder(result: Result) -> Figure:
-    """Draw the error of every rung, one line per part, and the published methods as levels.
+    """Draw the error of every rung, and the published methods as levels; test recordings have a panel of their own.
 
     Returns
     -------
     Figure
     """
     b = result.benchmark
-    figure = new_figure(3.6)
-    axes = figure.subplots()
-    place = range(len(result.ladder))
-    lines: list[tuple[str, str, str, str, str | None]]
-    lines = [(label, colour, mark, part, None) for part, (label, colour, mark) in _PARTS.items()]
-    lines += [(f"test, {c}", CART[2], "D", "test", c) for c in b.columns]
+    figure = new_figure(3.6 * (1 + result.tested))
+    panels = figure.subplots(1 + result.tested, 1, squeeze=False)[:, 0]
+    lines = [("fitted to", MEASURED, "o", "learnt", None), ("own validation part", CART[1], "s", "validation", None)]
+    _draw(panels[0], result, result.ladder, lines)
+    panels[0].set_title(b.title, loc="left")
+    if result.tested:
+        tests = [
+            (c, colour, "D", "test", c) for c, colour in zip(b.columns, (CART[2], CART[1], MEASURED), strict=False)
+        ]
+        _draw(panels[1], result, result.final, tests)
+        panels[1].set_title("test recordings, from all training recordings", loc="left")
+    return figure
+
+
+def _draw(axes: Axes, result: Result, rungs: Sequence[Rung], lines: Sequence[Line]) -> None:
+    b, place = result.benchmark, range(len(rungs))
     for label, colour, mark, part, column in lines:
-        errors = [result.rms(rung.name, part, column) for rung in result.ladder]
+        errors = [result.rms(rung.name, part, column) for rung in rungs]
         if any(isfinite(e) for e in errors):
             axes.plot(place, errors, color=colour, marker=mark, markersize=4.0, label=label)
     for i, column in enumerate(b.columns):
         for method in (b.published[0], b.published[-1]):
-            axes.axhline(method.figures[i], color=MARK, linewidth=0.7, linestyle="--" if i else ":", zorder=0)
+            axes.axhline(method.figures[i], color=MARK, linewidth=0.7, linestyle=("-", "--", ":")[i], zorder=0)
             text = method.method if len(b.columns) == 1 else f"{method.method}, {column}"
             axes.annotate(
                 text, (1.0, method.figures[i]), xycoords=("axes fraction", "data"), ha="right", va="bottom",
@@ -48,11 +63,9 @@ def draw_ladder(result: Result) -> Figure:
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_formatter(NullFormatter() if _decades(result) > 1.0 else StrMethodFormatter("{x:g}"))
     axes.set_ylabel(f"free-simulation rms [{b.rule.unit}]")
-    axes.set_xticks(list(place), [_label(rung.name, i) for i, rung in enumerate(result.ladder)])
-    axes.set_xlim(-0.3, len(result.ladder) - 0.2)
-    axes.set_title(b.title, loc="left")
+    axes.set_xticks(list(place), [_label(rung.name, i) for i, rung in enumerate(rungs)])
+    axes.set_xlim(-0.3, len(rungs) - 0.2)
     legend_above(axes)
-    return figure
 
 
 def _decades(result: Result) -> float:

@@ -46,11 +46,12 @@ class Result:
     Attributes
     ----------
     found
-        Diagnosis of what was learnt from.
+        Diagnosis that ``final`` is about.
     ladder
         Rungs fitted to what was learnt from.
     final
-        The same rungs fitted to all training recordings: what test recordings are scored with.
+        Rungs fitted to all training recordings: what test recordings are scored with. Where there are any, all training
+        recordings were also diagnosed; else the names are those of ``ladder``.
     scores
         Of the ladder in what was learnt from and in the validation part, and of ``final`` in test recordings.
     seconds
@@ -63,6 +64,11 @@ class Result:
     final: tuple[Rung, ...]
     scores: tuple[Score, ...]
     seconds: float
+
+    @property
+    def tested(self) -> bool:
+        """Whether there were test recordings."""
+        return any(s.part == "test" for s in self.scores)
 
     def rms(self, rung: str, part: str, column: str | None = None) -> float:
         """Return the rms over the recordings of a part; nan where there are none."""
@@ -84,10 +90,17 @@ class Result:
                     "rung": rung.name,
                     "learnt": self.rms(rung.name, "learnt"),
                     "validation": self.rms(rung.name, "validation"),
-                    "test": {c: self.rms(rung.name, "test", c) for c in b.columns},
-                    "parameters": parameters(b, last.drive),
+                    "parameters": parameters(b, rung.drive),
                 }
-                for rung, last in zip(self.ladder, self.final, strict=True)
+                for rung in self.ladder
+            ],
+            "final": [
+                {
+                    "rung": rung.name,
+                    "test": {c: self.rms(rung.name, "test", c) for c in b.columns},
+                    "parameters": parameters(b, rung.drive),
+                }
+                for rung in self.final
             ],
             "scores": [vars(s) for s in self.scores],
             "seconds": self.seconds,
@@ -169,9 +182,10 @@ def run_benchmark(
     window = benchmark.rule.window
     ladder = climb(found, learn, benchmark.topology, window=window, jobs=jobs, say=say)
     say("fitting all training recordings")
-    final = climb(found, everything, benchmark.topology, window=window, jobs=jobs, say=say)
+    whole = diagnose(everything, seed=seed, jobs=jobs, topology=benchmark.topology, say=say) if tests else found
+    final = climb(whole, everything, benchmark.topology, window=window, jobs=jobs, say=say)
     say("scoring")
     scores = score_all(benchmark, ladder, learn, "learnt", learn)
     scores += score_all(benchmark, ladder, validation, "validation", learn)
     scores += score_all(benchmark, final, tests, "test", everything)
-    return Result(benchmark, found, ladder, final, tuple(scores), time.perf_counter() - begin)
+    return Result(benchmark, whole, ladder, final, tuple(scores), time.perf_counter() - begin)

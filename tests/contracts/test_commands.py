@@ -217,7 +217,7 @@ def test_benchmark_prints_what_it_writes(tmp_path):
     assert found == json.loads((tmp_path / "out" / "benchmark.json").read_text(encoding="utf-8"))
     assert {p.name for p in (tmp_path / "out").iterdir()} == {"ladder.png", "benchmark.json", "drive.toml"}
     assert found["rule"] == {"window": 20, "unit": "mm", "metric": "rms of a free simulation"}
-    assert found["ladder"][0]["test"] == {"EMPS": None}
+    assert found["final"][0]["test"] == {"EMPS": None}
 
 
 def test_benchmark_names_what_is_missing(tmp_path):
