@@ -5,7 +5,8 @@ in mm, times in s, velocities in mm/s and commands in V, whatever units the file
 
 Two conventions matter at 1 kHz and are the rig's own:
 
-* ``u[n]`` is held from ``t[n]`` until ``t[n+1]`` (zero-order hold);
+* ``u[n]`` is held from ``t[n]`` until ``t[n+1]`` (zero-order hold), unless the recording says that a continuous command
+  was sampled;
 * ``v[n]`` is made from the encoder readings at ``t[n]`` and before, so the raw difference is
   ``v[n] = (x[n] - x[n-1]) / Ts``.
 """
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 Channel = Literal["x1", "x2", "v1", "v2"]
+Hold = Literal["zero", "band_limited"]
 Kind = Literal["square", "sine", "closed_loop", "other"]
 
 CHANNELS: tuple[Channel, ...] = ("x1", "x2", "v1", "v2")
@@ -111,6 +113,9 @@ class Recording:
         Named warnings met while reading, for example jitter.
     source
         File it came from, or how it was simulated.
+    hold
+        What the command did between samples: ``zero`` where it was held, ``band_limited`` where it is the samples of a
+        continuous signal without content above half the sampling rate.
     """
 
     name: str
@@ -127,6 +132,7 @@ class Recording:
     faults: tuple[Fault, ...] = ()
     notes: tuple[str, ...] = ()
     source: str = ""
+    hold: Hold = "zero"
 
     def __post_init__(self) -> None:
         n = len(self.t)

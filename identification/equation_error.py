@@ -21,25 +21,32 @@ from scipy.signal import butter, sosfiltfilt
 
 from flexdrive_gym.recording import FloatArray, Recording
 from identification.signals import velocities
+from identification.topology import Topology, topology_of
 
 # the resonance of such drives lies at a few hertz; four times that keeps it and drops the encoder's noise
 CUTOFF_HZ = 15.0
 
 
-def start_values(recordings: Sequence[Recording]) -> dict[str, float]:
+def start_values(recordings: Sequence[Recording], topology: Topology | None = None) -> dict[str, float]:
     """Estimate m1, b1, d1 and, with two carts, m2, b2, d2, k.
 
     Parameters
     ----------
     recordings
         Open-loop recordings of one drive.
+    topology
+        Which bodies there are; default: as the recordings' channels tell. Where a body that moves has no sensor the equations
+        of motion cannot be written down, and the topology's own start values are all that is known.
 
     Returns
     -------
     dict
         Parameter name to value in the handout's units; non-negative.
     """
-    rows = [_regressors(r) for r in recordings]
+    topology = topology or topology_of(recordings)
+    if topology.start:
+        return {}
+    rows = [_regressors(r, topology.carts) for r in recordings]
     matrix, target = np.vstack([a for a, _ in rows]), np.concatenate([b for _, b in rows])
     names = ["m1", "b1", "d1", "m2", "b2", "d2", "k"][: matrix.shape[1]]
     scale = np.linalg.norm(matrix, axis=0)
@@ -48,14 +55,14 @@ def start_values(recordings: Sequence[Recording]) -> dict[str, float]:
     return {name: float(value) for name, value in zip(names, solution, strict=True)}
 
 
-def _regressors(recording: Recording) -> tuple[FloatArray, FloatArray]:
+def _regressors(recording: Recording, carts: int) -> tuple[FloatArray, FloatArray]:
     h = recording.sample_time
     sos = butter(2, min(CUTOFF_HZ, 0.2 / h), fs=1.0 / h, output="sos")
 
     def smooth(x: FloatArray) -> FloatArray:
         return np.asarray(sosfiltfilt(sos, x))
 
-    v = velocities(recording)
+    v = velocities(recording)[:carts]
     moving = 1.5 * max(max(recording.quantum) / h, 1e-9)
     low = [smooth(x) for x in v]
     sign = [smooth(np.where(np.abs(x) > moving, np.sign(x), 0.0)) for x in low]

@@ -32,10 +32,15 @@ from flexdrive_gym.recording import FloatArray, Recording
 from identification.equation_error import start_values
 from identification.output_error import Run, block_residuals, prepare, residuals
 from identification.quantities import HANDOUT_RATIOS, RATIOS, Quantity, derived_quantities
+from identification.topology import Topology, topology_of
 
 _LOGARITHMIC = frozenset({"m1", "m2", "k"})
 _ROUNDS = 3
 _COARSE = 8
+# a logarithm this uncertain says nothing, and its exponential is still a number
+_UNKNOWN = 300.0
+# of a drive whose equations of motion are not all seen, stiffness is known least
+_STIFFER = (0.1, 0.3, 3.0, 10.0)
 _BLOCK_S = 1.0
 _STOPPED = "the optimiser stopped before its tolerance was met"
 
@@ -184,6 +189,7 @@ def identify_by_likelihood(
     start: Mapping[str, float] | None = None,
     damping: bool = False,
     threads: int | None = None,
+    topology: Topology | None = None,
 ) -> MaximumLikelihood:
     """Fit the drive to all recordings at once.
 
@@ -201,6 +207,8 @@ def identify_by_likelihood(
         Whether to fit the spring's damping C too (the handout assumes 0).
     threads
         Threads for the simulations; default: the processors this process may use. The answer does not depend on it.
+    topology
+        Which bodies there are and what is free; default: one cart or two, as the recordings' channels tell.
 
     Returns
     -------
@@ -211,34 +219,39 @@ def identify_by_likelihood(
     ValueError
         If no recording can be used, or a tie is unknown; the message says what to record or to pass.
     """
-    ties, fixed = dict(ties or {}), dict(fixed or {})
+    ties = dict(ties or {})
     for name in ties:
         if name not in RATIOS:
             raise ValueError(f"ties: must be among {', '.join(RATIOS)}; got {name!r}.")
     used, notes = usable(recordings)
     runs = [prepare(r) for r in used]
-    carts = min(len(run.measured) for run in runs)
-    names = ["m1", "b1", "d1"] + (["m2", "b2", "d2", "k"] if carts == 2 else []) + (["C"] if damping else [])
+    topology = topology or topology_of(used)
+    fixed = {**topology.fixed, **(fixed or {})}
     tied = {RATIOS[r][0] for r in ties}
-    names = [n for n in names if n not in tied and n not in fixed]
-    begin = {"C": 1e-5, **_positive(start_values(used)), **fixed}
+    names = [n for n in (*topology.free, *(["C"] if damping else [])) if n not in tied and n not in fixed]
+    found = {**topology.start, **start_values(used, topology)}
+    begin = {n: v for n, v in {"C": 1e-5, **_positive(found), **fixed}.items() if n in {*names, *tied, *fixed}}
     with ThreadPoolExecutor(threads or len(os.sched_getaffinity(0))) as pool:
         # a few recordings tell which start leads to the best valley; all of them then find its bottom
         some = runs[:: max(1, round(len(runs) / _COARSE))]
         coarse = _Fit(some, names, ties, fixed, pool)
-        found = {label: coarse.descend(values, 1, 8) for label, values in _starts(begin, start).items()}
-        best = min(found, key=lambda label: found[label][1])
+        tried = {label: coarse.descend(values, 1, 8) for label, values in _starts(begin, start, topology).items()}
+        best = min(tried, key=lambda label: tried[label][1])
         fit = _Fit(runs, names, ties, fixed, pool)
-        z, cost, done, _values = fit.descend(found[best][3], _ROUNDS, 30)
-        costs = {label: float(item[1]) for label, item in found.items()} | {f"{best}, refined": float(cost)}
+        z, cost, done, _values = fit.descend(tried[best][3], _ROUNDS, 30)
+        costs = {label: float(item[1]) for label, item in tried.items()} | {f"{best}, refined": float(cost)}
         return _result(fit, z, used, costs, notes if done else [*notes, _STOPPED])
 
 
-def _starts(begin: Mapping[str, float], given: Mapping[str, float] | None) -> dict[str, dict[str, float]]:
+def _starts(
+    begin: Mapping[str, float], given: Mapping[str, float] | None, topology: Topology
+) -> dict[str, dict[str, float]]:
     starts = {"equation error": dict(begin)}
     if given is not None:
         starts["given"] = {**begin, **_positive(given)}
-    if "k" in begin:
+    if not topology.two_carts:
+        starts |= {f"stiffness times {f:g}": {**begin, "k": f * begin["k"]} for f in _STIFFER if "k" in topology.free}
+    elif "k" in begin:
         # the split of mass and friction between the carts is what the equations of motion know worst
         starts["heavier cart 2"] = {**begin, "m2": 1.5 * begin["m2"], "k": 1.3 * begin["k"]}
         starts["handout ratios"] = {
@@ -320,7 +333,7 @@ def _result(
     spread = quantile * np.sqrt(np.diag(covariance))
     intervals = {
         # masses and stiffness were fitted as logarithms, so their intervals are ratios
-        name: (float(v * np.exp(-s / v)), float(v * np.exp(s / v)))
+        name: (float(v * np.exp(-s / v)), float(v * np.exp(min(s / v, _UNKNOWN))))
         if name in _LOGARITHMIC
         else (max(0.0, float(v - s)), float(v + s))
         for name, v, s in zip(fit.names, (values[n] for n in fit.names), spread, strict=True)
@@ -340,7 +353,8 @@ def _result(
         Provenance("ml", tuple(r.name for r in used), __version__, "; ".join(remarks)),
         name="identified drive",
     )
-    quantities, ratios = derived_quantities(drive, fit.ties, quantile)
+    whole = drive.carts == 1 or {"m1", "m2", "b1", "b2", "k"} <= set(values)
+    quantities, ratios = derived_quantities(drive, fit.ties, quantile) if whole else ({}, {})
     done = _STOPPED not in remarks
     return MaximumLikelihood(
         drive, quantities, ratios, tuple(channels), rms, n, effective, dict(costs), done, tuple(remarks)

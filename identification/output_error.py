@@ -1,4 +1,4 @@
-r"""Residuals of the output-error model: simulate every recording, compare velocities.
+r"""Residuals of the output-error model: simulate every recording, compare velocities (or positions, where asked).
 
 The model is the drive's own compiled step, driven by the recorded command, read through the recording's own velocity
 processing; residuals are v_measured - v_simulated [mm/s] at the samples no fault touches. Encoder counts are noise of
@@ -9,19 +9,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.signal import resample_poly
 
 from flexdrive_gym.drive import kernels, parameters
 from flexdrive_gym.drive.effects import WORKSPACE
 from flexdrive_gym.drive.sample import WORK_SPACE
-from flexdrive_gym.recording import BoolArray, Channel, FloatArray, Recording
+from flexdrive_gym.recording import BoolArray, FloatArray, Recording
 from identification.floor import period_samples, run_variance
-from identification.signals import velocities
+from identification.signals import motions
 
 BLOCK_S = 0.005
-_MEASURED: tuple[tuple[Channel, Channel], ...] = (("v1", "x1"), ("v2", "x2"))
+PHYSICS_S = 1e-3
+# a drive that shows more than this has run away [mm, mm/s]
+_RUNAWAY = 1e9
+# what tells the speed at the start of a run whose velocity was not recorded [s], and how few samples of it are all used
+_HEAD_S, _FEW = 0.02, 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,16 +38,21 @@ class Run:
     u : ndarray, shape (n,)
         Command [V].
     measured : list of ndarray, shape (n,)
-        Velocity per cart [mm/s].
+        Velocity per cart [mm/s], or position [mm].
     keep : list of ndarray of bool, shape (n,)
         Valid samples per cart.
     cutoff
-        Of the velocity filter [Hz]; 0 for the raw difference.
+        Of the velocity filter [Hz]; 0 for the raw difference, ``None`` where that is for the drive to say.
     track : ndarray, shape (2, n)
         Where the carts were [mm]: positions as recorded, or summed velocities; effects of position follow it.
     floor
         Per cart, variance of block sums that no model can explain [(mm/s)²]: what differs between the periods of the
         run, or the encoder's noise where nothing repeats.
+    positions
+        Whether positions are compared instead of velocities.
+    fine
+        The command between the samples, ndarray, shape (pieces per sample · n,), where it was continuous; ``None`` where it was
+        held. Holding such a command would delay it by half a sample and weaken what is fast.
     """
 
     name: str
@@ -51,9 +61,11 @@ class Run:
     measured: list[FloatArray]
     keep: list[BoolArray]
     start: FloatArray
-    cutoff: float
+    cutoff: float | None
     floor: list[float]
     track: FloatArray
+    positions: bool = False
+    fine: FloatArray | None = None
 
     @property
     def block(self) -> int:
@@ -80,17 +92,21 @@ class Run:
 
 def prepare(recording: Recording) -> Run:
     """Return a recording ready for simulation: velocities, valid samples and the state it starts in."""
-    v = velocities(recording)
-    keep = [
-        recording.valid(_MEASURED[i][0] if getattr(recording, _MEASURED[i][0]) is not None else _MEASURED[i][1])
-        for i in range(len(v))
-    ]
+    v, keep = motions(recording)
     start = np.zeros(4)
     head = max(3, round(0.01 / recording.sample_time))
     for i, x in enumerate(v):
         # a run that starts at rest shows at most a count; anything more is motion it started with
-        speed = float(np.mean(x[:head]))
+        place = (recording.x1, recording.x2)[i]
+        derived = (recording.v1, recording.v2)[i] is None and place is not None
+        speed = _speed(place, recording.sample_time) if derived and place is not None else float(np.mean(x[:head]))
         start[2 * i + 1] = speed if abs(speed) > 2.0 * max(recording.quantum) / recording.sample_time / head else 0.0
+        if start[2 * i + 1] != 0.0 and derived:
+            # a difference needs the sample before
+            keep[i] = keep[i] & (np.arange(recording.n) > 0)
+        # encoders start anywhere, but not in the middle of a run; and a single one may be held by a spring to the ground
+        if place is not None and (recording.t[0] > 0.0 or len(v) == 1):
+            start[2 * i] = place[0]
     u = np.ascontiguousarray(recording.u, dtype=np.float64)
     h = recording.sample_time
     width = max(1, round(BLOCK_S / h))
@@ -100,9 +116,36 @@ def prepare(recording: Recording) -> Run:
         counts = (recording.quantum[i] / h) ** 2 / 6.0 / width
         repeated = run_variance(x, keep[i], period_samples(recording), width)
         floor.append(max(counts, repeated if np.isfinite(repeated) else 0.0))
-    return Run(
-        recording.name, u, h, v, keep, start, recording.velocity_cutoff or 0.0, floor, _track(recording, v, keep)
-    )
+    fine = _between(u, max(1, round(h / PHYSICS_S))) if recording.hold == "band_limited" else None
+    track = _track(recording, v, keep)
+    return Run(recording.name, u, h, v, keep, start, recording.velocity_cutoff, floor, track, fine=fine)
+
+
+def _speed(x: FloatArray, h: float) -> float:
+    """Return the speed at the first sample: the slope of a parabola through 20 ms, or of what passes through five samples."""
+    n = min(max(5, round(_HEAD_S / h)), len(x))
+    degree = 2 if n > _FEW else n - 1
+    return float(np.polynomial.polynomial.polyfit(np.arange(n), x[:n], degree)[1] / h)
+
+
+def _between(u: FloatArray, pieces: int) -> FloatArray:
+    """Return a band-limited signal in the middle of each of so many pieces of every sample."""
+    return np.ascontiguousarray(resample_poly(u, 2 * pieces, 1, padtype="line")[1::2])
+
+
+def prepare_measured(recording: Recording) -> Run:
+    """Return a recording ready for simulation as it was measured: positions where only positions were recorded.
+
+    An error of a position lasts until another makes up for it, so it says little on where it was made; but whoever wants
+    positions predicted must fit positions.
+    """
+    run = prepare(recording)
+    places = [x for x in (recording.x1, recording.x2) if x is not None]
+    if recording.v1 is not None or recording.v2 is not None or len(places) != len(run.measured):
+        return run
+    # an encoder count is uniform noise
+    floor = [q**2 / 12.0 for q in recording.quantum[: len(places)]]
+    return replace(run, measured=places, floor=floor, positions=True)
 
 
 def _track(recording: Recording, v: Sequence[FloatArray], keep: Sequence[BoolArray]) -> FloatArray:
@@ -118,32 +161,44 @@ def _track(recording: Recording, v: Sequence[FloatArray], keep: Sequence[BoolArr
 
 
 def simulate_run(
-    values: Mapping[str, float], run: Run, physics_step: float = 1e-3, pushes: FloatArray | None = None
+    values: Mapping[str, float], run: Run, physics_step: float = PHYSICS_S, pushes: FloatArray | None = None
 ) -> list[FloatArray]:
-    """Return the simulated velocities of one run, a list of ndarray of shape (n,) per cart [mm/s].
+    """Return the simulated velocities (or positions) of one run, a list of ndarray of shape (n,) per cart [mm/s].
 
     ``pushes``, ndarray, shape (2, n), are additional forces on the carts [V].
     """
     p = parameters.vector(values)
     for place in ("encoder_1", "encoder_2"):
         p[parameters.index(f"encoder_quantisation.{place}.quantum")] = 0.0
-        p[parameters.index(f"velocity_processing.{place}.cutoff")] = run.cutoff
-    readings = np.empty((4, len(run.u)))
-    steps = parameters.substeps(values, run.sample_time, physics_step)
+        if run.cutoff is not None:
+            p[parameters.index(f"velocity_processing.{place}.cutoff")] = run.cutoff
+    u, track, pieces = run.u, run.track, 1
+    if run.fine is not None:
+        u, pieces = run.fine, len(run.fine) // len(run.u)
+        track = np.repeat(track, pieces, axis=1)
+        pushes = None if pushes is None else np.repeat(pushes, pieces, axis=1)
+    readings = np.empty((4, len(u)))
+    h = run.sample_time / pieces
     kernels.run_open_loop(
-        run.u,
-        run.sample_time,
-        steps,
+        u,
+        h,
+        parameters.substeps(values, h, physics_step),
         run.start,
         np.zeros(WORK_SPACE),
         parameters.workspace(values) if pushes is None else np.zeros(WORKSPACE),
         p,
         readings,
         None,
-        run.track,
+        track,
         pushes,
     )
-    return [readings[2 + i] for i in range(len(run.measured))]
+    if not np.max(np.abs(readings)) < _RUNAWAY:
+        # masses so small that the step is unstable for them: a fit that tries them must see a number
+        readings = np.clip(np.nan_to_num(readings, nan=_RUNAWAY), -_RUNAWAY, _RUNAWAY)
+    if pieces > 1:
+        readings = readings[:, ::pieces]
+        readings[2:, 1:] = np.diff(readings[:2]) / run.sample_time
+    return [readings[i if run.positions else 2 + i] for i in range(len(run.measured))]
 
 
 def residuals(values: Mapping[str, float], runs: Sequence[Run], pool: Executor | None = None) -> list[FloatArray]:

@@ -8,7 +8,19 @@ from typing import Annotated
 
 import typer
 
-from baselines.commands import blind, compare, demo, design, diagnose, experiment, identify, report, stability, validate
+from baselines.commands import (
+    benchmark,
+    blind,
+    compare,
+    demo,
+    design,
+    diagnose,
+    experiment,
+    identify,
+    report,
+    stability,
+    validate,
+)
 from flexdrive_gym.version import __version__
 
 # the matrices here are small: threads of the linear algebra that spin for work cost more than they save, ten times as much on a
@@ -23,7 +35,9 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for _module in (demo, identify, validate, stability, experiment, diagnose, design, compare, report, blind):
+for _module in (
+    demo, identify, validate, stability, experiment, diagnose, design, compare, report, blind, benchmark
+):  # fmt: skip
     app.command()(getattr(_module, _module.__name__.rsplit(".", 1)[-1]))
 
 

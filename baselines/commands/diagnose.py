@@ -120,7 +120,8 @@ def require_enough(runs: Sequence[Recording]) -> None:
     kinds = "; ".join(sorted({str(r.excitation) for r in runs}))
     raise ValueError(
         f"recordings: {rule}; got {len(runs)} of {seconds:.1f} s in all ({kinds}). Record squares of ±1.5 V and ±2 V at 0.5 Hz "
-        "and sines of ±2.5 V from 0.5 to 5 Hz next (handout 2.5, 2.6)."
+        "and sines of ±2.5 V from 0.5 to 5 Hz next (handout 2.5, 2.6), or, where the loop cannot be opened, one run of at least "
+        f"{_ONE_IS_ENOUGH_S:g} s whose reference moves both ways at several speeds."
     )
 
 

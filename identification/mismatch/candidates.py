@@ -6,17 +6,16 @@ Stribeck velocity, a period) mean nothing at the null and are taken from a grid.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import isfinite
 
 from flexdrive_gym.drive.effects import EFFECTS, LAYOUT, Effect, Parameter
+from identification.topology import TWO_CARTS, Topology
 
-# part of every baseline, or of the measurement rather than of the rig
-_NOT_LEFT_OUT = frozenset(
-    {"viscous_friction", "coulomb_friction", "spring", "encoder_quantisation", "velocity_processing"}
-)
+# part of every topology, or of the measurement rather than of the rig
+_NOT_LEFT_OUT = frozenset({"viscous_friction", "spring", "encoder_quantisation"})
 
 
 @dataclass(frozen=True)
@@ -59,30 +58,32 @@ class Candidate:
 
 
 def catalogue(
-    carts: int,
-    known: Mapping[str, float] | None = None,
+    topology: Topology = TWO_CARTS,
+    known: Collection[str] = (),
     shapes: Mapping[str, Sequence[float]] | None = None,
 ) -> list[Candidate]:
     """Return every candidate for a drive.
 
     Parameters
     ----------
-    carts
-        1 or 2; with one cart nothing acts on cart 2, the spring or encoder 2.
+    topology
+        Which places there are, and what every fit moves.
     known
         Parameters the model already has; their effects are no candidates.
     shapes
         Start grids found from the data, which replace those of the catalogue.
     """
-    known, shapes = dict(known or {}), dict(shapes or {})
+    known, shapes = {*known, *topology.free, *topology.fixed}, dict(shapes or {})
     found = []
     for effect in EFFECTS:
         if effect.id in _NOT_LEFT_OUT:
             continue
         for where in effect.where:
-            if carts == 1 and where in {"cart_2", "spring", "encoder_2"}:
+            keys = [effect.key(where, q.name) for q in effect.parameters]
+            if not topology.offers(where) or any(key in known for key in keys):
                 continue
-            if any(effect.key(where, q.name) in known for q in effect.parameters):
+            # a filter that the recordings know of is no question; its cut-off has no usual value to start from either
+            if effect.id == "velocity_processing" and not any(key in shapes for key in keys):
                 continue
             found += _grid(effect, where, shapes)
     return found
@@ -90,15 +91,15 @@ def catalogue(
 
 def _grid(effect: Effect, where: str, shapes: Mapping[str, Sequence[float]]) -> list[Candidate]:
     # what is absent at infinity (a limit) is a size of its own: its start is either present or not
-    size = [q for q in effect.parameters if q.role == "size" or not isfinite(q.null)]
+    size = [q for q in effect.parameters if q.role == "size" or switch(q, effect)]
     grids = []
     for q in effect.parameters:
         key = effect.key(where, q.name)
-        if q in size and isfinite(q.null):
+        if q in size and not switch(q, effect):
             continue
         grids.append([(key, float(v)) for v in shapes.get(key, q.starts)])
-    switches = {effect.key(where, q.name) for q in size if not isfinite(q.null)}
-    levels = max((len(_levels(q)) for q in size if isfinite(q.null)), default=1)
+    switches = {effect.key(where, q.name) for q in size if switch(q, effect)}
+    levels = max((len(_levels(q)) for q in size if not switch(q, effect)), default=1)
     candidates = []
     for chosen in product(*grids):
         if switches:
@@ -109,6 +110,11 @@ def _grid(effect: Effect, where: str, shapes: Mapping[str, Sequence[float]]) -> 
             starts = tuple((effect.key(where, q.name), _levels(q)[min(level, len(_levels(q)) - 1)]) for q in size)
             candidates.append(Candidate(effect.id, where, starts, tuple(chosen)))
     return candidates
+
+
+def switch(q: Parameter, effect: Effect) -> bool:
+    """Whether a parameter is either present or not: absent at infinity, or the only one, without a size, as a filter's."""
+    return not isfinite(q.null) or all(other.role == "shape" for other in effect.parameters)
 
 
 def _levels(q: Parameter) -> tuple[float, ...]:

@@ -109,21 +109,28 @@ def nuisance(
     slope = 0.5 * bench.spread.get("offset", 0.005) * _log_uniform(rng, *_ABOUT)
     slopes = [_Profile(rng, _log_uniform(rng, *_SLOPE_MM)) for _ in range(carts)]
     pushes = []
+    start = rng.uniform(-_START_MM, _START_MM) if bench.parts else 0.0
+    # what all parts of one recording share is no difference between them: a friction or a slope that chance could make there
+    # would be a property of the drive
+    ways = [np.concatenate([r.track[c] for r in bench.runs]) + start for c in range(carts)]
+    shared = [float(np.mean(profile(way))) if bench.parts else 0.0 for profile, way in zip(slopes, ways, strict=True)]
     for run, speed in zip(bench.runs, speeds, strict=True):
         n, h = len(run.u), run.sample_time
         force = np.zeros((2, n))
-        start = rng.uniform(-_START_MM, _START_MM)
+        if not bench.parts:
+            start = rng.uniform(-_START_MM, _START_MM)
         for c in range(carts):
             v = speed[c]
             level = max(values.get(f"d{c + 1}", 0.0) + _bristles(values, c), 0.05)
             keep = np.exp(-_COARSE * h / _WANDER_S)
             slow = lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], rng.standard_normal(n // _COARSE + 2))
             wander = np.interp(np.arange(n) / _COARSE, np.arange(n // _COARSE + 2), slow)
-            friction = between * rng.standard_normal() + within * wander + rough * profiles[c](run.track[c] + start)
+            own = 0.0 if bench.parts else between * rng.standard_normal()
+            friction = own + within * wander + rough * profiles[c](run.track[c] + start)
             coarse = max(1, round(0.5 / _BAND_HZ / h))
             shake = np.interp(np.arange(n) / coarse, np.arange(n // coarse + 2), rng.standard_normal(n // coarse + 2))
             force[c] = noise * shake
-            force[c] += slope * slopes[c](run.track[c] + start)
+            force[c] += slope * (slopes[c](run.track[c] + start) - shared[c])
             force[c] -= np.where(np.abs(v) > _RESTING, np.sign(v), 0.0) * level * friction
         pushes.append(force)
     return pushes

@@ -22,7 +22,7 @@ from identification.mismatch.lines import strongest_line
 from identification.mismatch.maps import Map, draw_maps, harmonics
 from identification.mismatch.missing_force import MissingForce, missing_force
 from identification.mismatch.prove import gain_on, loop_fits, place, polished, total, velocity_fits
-from identification.mismatch.refit import BASE_ONE, BASE_TWO, Coordinates, sensitivities
+from identification.mismatch.refit import Coordinates, sensitivities
 from identification.mismatch.rounds import LEVEL, Progress
 from identification.mismatch.search import Search, Step, search
 from identification.mismatch.shapes import Shape, likeness
@@ -45,6 +45,7 @@ from identification.mismatch.workbench import Workbench
 from identification.output_error import prepare
 from identification.quantities import HANDOUT_RATIOS
 from identification.recordings import read_recordings
+from identification.topology import Topology, topology_of
 
 # a free shape must explain this share of the remaining error, and this much more than any name, to be called unnamed
 _SHAPE_GAIN, _SHAPE_LEAD = 0.12, 1.6
@@ -52,8 +53,14 @@ _SHAPE_GAIN, _SHAPE_LEAD = 0.12, 1.6
 _LINE_SHARE = 0.05
 # a fit this near to the floor leaves nothing to explain
 _NEAR_FLOOR = 1.25
-# a finding must cut the comparable squared error of recordings kept away by this share
-_LEAST_PROOF = 0.01
+# a finding must cut the comparable squared error by this share where it was learnt, and by this one in recordings kept away
+_LEARNT, _PROVEN = 0.01, 0.004
+# a velocity that goes less far below zero than this, against its largest, never does
+_NEGATIVE = 0.05
+# a logarithm this uncertain says nothing, and its exponential is still a number
+_UNKNOWN = 300.0
+# cut-offs of a velocity filter, in multiples of the sampling rate
+_FILTERS = (0.03, 0.08, 0.2)
 
 
 def diagnose(
@@ -61,6 +68,7 @@ def diagnose(
     *,
     seed: int = 0,
     jobs: int | None = None,
+    topology: Topology | None = None,
     say: Progress = lambda _: None,
 ) -> Diagnosis:
     """Locate the mismatch between drive and recordings, name the physics that was left out, model it and prove it.
@@ -73,6 +81,8 @@ def diagnose(
         Of the null draws and resampling; the same seed gives the same diagnosis to the last bit.
     jobs
         Threads; default: the processors this process may use. The answer does not depend on it.
+    topology
+        Which bodies there are and what is free; default: one cart or two, as the recordings' channels tell.
     say
         Called with a few words at every stage.
 
@@ -90,7 +100,9 @@ def diagnose(
     runs = _read(recordings)
     split = split_recordings(runs)
     with ThreadPoolExecutor(jobs or len(os.sched_getaffinity(0))) as pool:
-        return _Diagnosing(runs, split, np.random.default_rng(seed), pool, say, jobs).result(begin)
+        return _Diagnosing(
+            runs, split, topology or topology_of(split.learn), np.random.default_rng(seed), pool, say, jobs
+        ).result(begin)
 
 
 def _read(recordings: Any) -> list[Recording]:
@@ -112,15 +124,21 @@ class _Proof:
         Rms on recordings kept away [mm/s].
     share
         Of the squared error of recordings learnt from that it removes.
-    gain
-        Share of the comparable squared error it removes, in recordings kept away or learnt from, whichever is less.
+    learnt, kept
+        Share of the comparable squared error that it removes, in recordings learnt from and kept away.
     """
 
     step: Step
     before: float
     after: float
     share: float
-    gain: float
+    learnt: float
+    kept: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether the finding stands."""
+        return self.learnt > _LEARNT and self.kept > _PROVEN
 
 
 class _Diagnosing:
@@ -130,22 +148,35 @@ class _Diagnosing:
         self,
         runs: Sequence[Recording],
         split: Split,
+        topology: Topology,
         rng: np.random.Generator,
         pool: Executor,
         say: Progress,
         jobs: int | None,
     ) -> None:
         self.runs, self.split, self.rng, self.pool, self.say = runs, split, rng, pool, say
+        self.topology, self.names = topology, topology.free
         say("fitting the free drive")
         self.tied: MaximumLikelihood | None = None
-        self.free = identify_by_likelihood(split.learn, threads=jobs)
-        self.carts = self.free.drive.carts
-        if self.carts == 2:
+        self.free = identify_by_likelihood(split.learn, threads=jobs, topology=topology)
+        if topology.two_carts:
             say("fitting with the handout's ratios")
-            self.tied = identify_by_likelihood(split.learn, ties=HANDOUT_RATIOS, threads=jobs)
-        self.names = BASE_TWO if self.carts == 2 else BASE_ONE
-        self.bench = Workbench([prepare(r) for r in split.learn], pool)
+            self.tied = identify_by_likelihood(split.learn, ties=HANDOUT_RATIOS, threads=jobs, topology=topology)
+        self.bench = Workbench([prepare(r) for r in split.learn], pool, parts=split.parts)
+        self.starts = self.without_sign(jobs)
         self.level = float(np.median([np.max(np.abs(r.u)) for r in split.learn]))
+
+    def without_sign(self, jobs: int | None) -> dict[tuple[str, str], Mapping[str, float]]:
+        """Return the free drive seen through a sensor that loses the sign, where a velocity never goes below zero."""
+        found: dict[tuple[str, str], Mapping[str, float]] = {}
+        for cart in (1, 2):
+            where = f"encoder_{cart}"
+            if not self.topology.offers(where) or not _never_negative(self.split.learn, f"v{cart}"):
+                continue
+            fixed = {f"rectified_sensor.{where}.share": 1.0}
+            fit = identify_by_likelihood(self.split.learn, fixed=fixed, threads=jobs, topology=self.topology)
+            found["rectified_sensor", where] = fit.drive.values
+        return found
 
     def forces(self, values: Mapping[str, float], runs: Sequence[Recording]) -> list[MissingForce]:
         return list(self.pool.map(lambda r: missing_force(values, r), runs))
@@ -155,7 +186,15 @@ class _Diagnosing:
         return {
             **periods(self.forces(values, self.split.learn)),
             "saturation.limit": (0.97 * most, 0.88 * most, 0.75 * most),
+            **self.filters(),
         }
+
+    def filters(self) -> dict[str, tuple[float, ...]]:
+        """Return where to look for a velocity filter, if the recordings do not tell how velocities were made [Hz]."""
+        if any(run.cutoff is not None for run in self.bench.runs):
+            return {}
+        rate = 1.0 / self.bench.runs[0].sample_time
+        return {f"velocity_processing.encoder_{i}.cutoff": tuple(rate * f for f in _FILTERS) for i in (1, 2)}
 
     def result(self, begin: float) -> Diagnosis:
         split, say = self.split, self.say
@@ -163,7 +202,16 @@ class _Diagnosing:
         say("estimating the missing forces")
         forces = self.forces(free, split.learn)
         maps = draw_maps(forces)
-        found = search(self.bench, free, self.carts, self.rng, drive_level=self.level, shapes=self.shapes, say=say)
+        found = search(
+            self.bench,
+            free,
+            self.topology,
+            self.rng,
+            drive_level=self.level,
+            shapes=self.shapes,
+            starts=self.starts,
+            say=say,
+        )
         shape, alike = self.unnamed(found)
         say("proving on recordings kept away")
         proofs, before_values, after_values = self.proven(found)
@@ -200,7 +248,10 @@ class _Diagnosing:
             forces=tuple(forces),
             remaining=tuple(draw_maps(self.forces(after_values, split.learn))),
             friction_spread=self.bench.spread.get("friction", 0.0),
-            extra={"rivals": _rivals([p.step for p in proofs])},
+            extra={
+                "rivals": _rivals([p.step for p in proofs]),
+                "order": {"@".join(p.step.rival.name): (_keys(p.step), _held(p.step)) for p in proofs},
+            },
             learnt=after,
         )
 
@@ -231,12 +282,14 @@ class _Diagnosing:
     def fitted(self, found: Search, steps: Sequence[Step], start: Mapping[str, float]) -> Mapping[str, float]:
         """Return the drive with these findings, fitted to what was learnt from."""
         names = list(self.names)
-        values = {k: start.get(k, self.free.drive.values.get(k, 0.0)) for k in self.names}
+        values = {
+            **self.topology.fixed,
+            **{k: start.get(k, self.free.drive.values.get(k, 0.0)) for k in self.names},
+        }
         offsets = np.zeros(len(self.bench.runs))
         for step in steps:
-            keys = [k for k in step.rival.candidate.keys if k in step.rival.fit.names]
-            names += keys
-            values |= {k: start.get(k, found.model.values[k]) for k in keys}
+            names += _keys(step)
+            values |= {k: start.get(k, found.model.values[k]) for k in (*_keys(step), *_held(step))}
             if step.rival.candidate.period is not None:
                 offsets = step.rival.offsets
         kept, self.bench.offsets = self.bench.offsets, offsets
@@ -258,24 +311,26 @@ class _Diagnosing:
                 others = [s for s in steps if s is not step]
                 without = self.fitted(found, others, found.model.values) if others else free
                 proofs.append(self.proof(step, without, everything))
-            worst = min(proofs, key=lambda p: p.gain, default=None)
-            if worst is None or worst.gain > _LEAST_PROOF:
+            failed = [p for p in proofs if not p.holds]
+            if not failed:
                 return proofs, free, everything
-            steps.remove(worst.step)
+            steps.remove(min(failed, key=lambda p: p.kept).step)
 
     def proof(self, step: Step, without: Mapping[str, float], everything: Mapping[str, float]) -> _Proof:
         kept = self.split.prove or self.split.learn
         before, after, _ = total(velocity_fits(without, everything, kept, self.runs, self.pool, held_out=True))
         low, high, _ = total(velocity_fits(without, everything, self.split.learn, self.runs, self.pool, held_out=False))
-        gains = [gain_on(recordings, without, everything, self.pool) for recordings in (kept, self.split.learn)]
-        return _Proof(step, before, after, 1.0 - (high / low) ** 2, min(gains))
+        learnt, proven = (
+            gain_on(some, without, everything, self.pool, parts=self.split.parts) for some in (self.split.learn, kept)
+        )
+        return _Proof(step, before, after, 1.0 - (high / low) ** 2, learnt, proven)
 
     def final(self, values: Mapping[str, float], steps: Sequence[Step]) -> Drive:
         """Return the drive fitted to all open-loop recordings, with intervals from the spread between recordings."""
         runs = (*self.split.learn, *self.split.prove)
         bench = Workbench([prepare(r) for r in runs], self.pool)
         bench.offsets = place(values, runs, self.pool)
-        names = [*self.names, *(k for s in steps for k in s.rival.candidate.keys if k in s.rival.fit.names)]
+        names = [*self.names, *(k for s in steps for k in _keys(s))]
         values = polished(bench, values, names)
         c = Coordinates(names, values)
         raw = bench.residual(values)
@@ -304,11 +359,11 @@ class _Diagnosing:
         result = []
         for proof in proofs:
             step = proof.step
-            keys = [k for k in step.rival.candidate.keys if k in step.rival.fit.names]
             parameters = {
                 short(k): Estimate(drive[k], drive.intervals.get(k, (float("nan"), float("nan"))), unit_of(k))
-                for k in keys
+                for k in _keys(step)
             }
+            parameters |= {short(k): Estimate(v, (v, v), unit_of(k)) for k, v in _held(step).items()}
             # what is itself a finding is no other explanation
             ties = tuple(Named(*t.name) for t in step.ties if t.name not in {p.step.rival.name for p in proofs})
             id_, where = step.rival.name
@@ -336,6 +391,27 @@ class _Diagnosing:
         return tuple(notes)
 
 
+def _never_negative(recordings: Sequence[Recording], channel: str) -> bool:
+    """Whether a recorded velocity never goes below zero, though the command changes its sign."""
+    signals = [v for r in recordings if (v := getattr(r, channel)) is not None]
+    if not signals or not any(np.min(r.u) < 0.0 < np.max(r.u) for r in recordings):
+        return False
+    return min(float(np.min(v)) for v in signals) > -_NEGATIVE * max(float(np.max(v)) for v in signals)
+
+
+def _keys(step: Step) -> tuple[str, ...]:
+    """Return the parameters of an effect that were fitted."""
+    return tuple(k for k in step.rival.candidate.keys if k in step.rival.fit.names)
+
+
+def _held(step: Step) -> dict[str, float]:
+    """Return the parameters of an effect that were not fitted, because it is there or it is not."""
+    fit = step.rival.fit
+    if _keys(step):
+        return {}
+    return {k: fit.values[k] for k in step.rival.candidate.keys if k in fit.values}
+
+
 def _rivals(steps: Sequence[Step]) -> dict[str, list[dict[str, Any]]]:
     """Return, per finding, the drives that explain the recordings as well: the finding's own and its ties'."""
     return {
@@ -357,7 +433,7 @@ def _between_runs(bench: Workbench, J: FloatArray, e: FloatArray) -> FloatArray:
 
 def _interval(name: str, value: float, spread: float, gain: float, *, log: bool) -> tuple[float, float]:
     if log:
-        return float(value * np.exp(-spread)), float(value * np.exp(spread))
+        return float(value * np.exp(-spread)), float(value * np.exp(min(spread, _UNKNOWN)))
     low, high = value - spread * gain, value + spread * gain
     if name in LAYOUT:
         low, high = max(low, LAYOUT[name].parameter.lower), min(high, LAYOUT[name].parameter.upper)

@@ -23,7 +23,7 @@ from scipy.ndimage import binary_dilation, gaussian_filter1d
 from flexdrive_gym.drive.compilation import kernel
 from flexdrive_gym.drive.linear import LinearDrive
 from flexdrive_gym.recording import BoolArray, FloatArray, Recording
-from identification.signals import velocities
+from identification.signals import motions
 
 # the missing force wanders with this standard deviation [V] and forgets in this time [s]: reversals are followed, encoder
 # counts are not, and counts that an encoder lost are not taken for a constant force
@@ -123,6 +123,8 @@ def positions(recording: Recording) -> FloatArray:
             rows.append(x)
         elif v is not None:
             rows.append(np.cumsum(v) * recording.sample_time)
+        elif not rows:
+            rows.append(np.zeros(recording.n))
     return np.array(rows)
 
 
@@ -149,20 +151,18 @@ def missing_force(values: Mapping[str, float], recording: Recording) -> MissingF
         values.get("k", 0.0),
         values.get("C", 0.0),
     )
-    fine = np.array([gaussian_filter1d(v, _SMOOTH_S / recording.sample_time) for v in velocities(recording)])
+    speeds, valid = motions(recording)
+    fine = np.array([gaussian_filter1d(v, _SMOOTH_S / recording.sample_time) for v in speeds])
     speed = np.ascontiguousarray(fine[:, ::every])
     s = _means(np.clip(fine / _RESTING, -1.0, 1.0), every)
     level = np.array([values.get("d1", 0.0), values.get("d2", 0.0)])[:carts]
     force = -level[:, None] * s
     u = recording.u[::every]
     force[0] += _means(recording.u[None, :], every)[0]
-    channels = [("v1", "x1"), ("v2", "x2")][:carts]
-    seen = np.column_stack(
-        [recording.valid(v if getattr(recording, v) is not None else x)[::every] for v, x in channels]  # type: ignore[arg-type]
-    )
+    seen = np.column_stack([keep[::every] for keep in valid])
     jump = np.zeros_like(seen)
     jump[1:] = seen[1:] & ~seen[:-1]
-    A, B = _discrete(drive, carts, h)
+    A, B = _discrete(drive, carts, h, values.get("k", 0.0))
     n = 4 * carts
     M, wander = drive.matrices[0], SIZE * np.sqrt(2.0 / MEMORY_S)
     Q = np.zeros((n, n))
@@ -228,9 +228,12 @@ def _means(rows: FloatArray, every: int) -> FloatArray:
     return np.asarray(np.add.reduceat(rows, edges, axis=1) / np.diff(np.append(edges, rows.shape[1])))
 
 
-def _discrete(drive: LinearDrive, carts: int, h: float) -> tuple[FloatArray, FloatArray]:
+def _discrete(drive: LinearDrive, carts: int, h: float, to_ground: float) -> tuple[FloatArray, FloatArray]:
     """Return the discrete model of positions, velocities, missing forces and encoder offsets."""
     M, D, K = drive.matrices
+    if carts == 1:
+        # what the spring of a single seen cart leads to rests
+        K = np.array([[to_ground]])
     inverse = np.linalg.inv(M)
     n = 4 * carts
     F, G = np.zeros((n, n)), np.zeros((n, carts))

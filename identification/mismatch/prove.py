@@ -48,7 +48,8 @@ def period_of(values: Mapping[str, float]) -> float:
 def place(values: Mapping[str, float], recordings: Sequence[Recording], pool: Executor) -> FloatArray:
     """Return where every run began along the track [mm], as far as a repeating effect tells."""
     period = period_of(values)
-    if not period or not recordings:
+    # parts of one recording keep its clock, and its place along the track
+    if not period or not recordings or any(r.t[0] > 0.0 for r in recordings):
         return np.zeros(len(recordings))
     bench = Workbench([prepare(r) for r in recordings], pool)
     costs = []
@@ -103,14 +104,19 @@ def velocity_fits(
 
 
 def gain_on(
-    recordings: Sequence[Recording], without: Mapping[str, float], everything: Mapping[str, float], pool: Executor
+    recordings: Sequence[Recording],
+    without: Mapping[str, float],
+    everything: Mapping[str, float],
+    pool: Executor,
+    *,
+    parts: bool,
 ) -> float:
     """Return the share of the comparable squared error of recordings that a drive removes of another's.
 
     Rough track and friction that differs from run to run are in both errors, often larger than what is to be proven; among
     comparable residuals they hardly count.
     """
-    bench = Workbench([prepare(r) for r in recordings], pool)
+    bench = Workbench([prepare(r) for r in recordings], pool, parts=parts)
     bench.offsets = place(everything, recordings, pool)
     absorb(bench, without)
     before, after = (float(np.sum(bench.comparable(bench.residual(v)) ** 2)) for v in (without, everything))

@@ -19,8 +19,6 @@ from flexdrive_gym.drive.parameters import parameter
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.workbench import Workbench
 
-BASE_TWO = ("m1", "m2", "b1", "b2", "k", "d1", "d2")
-BASE_ONE = ("m1", "b1", "d1")
 _STEP = 2e-3
 
 

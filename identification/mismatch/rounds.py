@@ -15,13 +15,18 @@ from identification.mismatch.chance import Chance, chance, null_residuals
 from identification.mismatch.refit import Fit, refit
 from identification.mismatch.screening import Screened, orthonormal, screen
 from identification.mismatch.workbench import Workbench
+from identification.topology import Topology
 
 Progress = Callable[[str], None]
+# effect and place to a drive that has it
+Starts = Mapping[tuple[str, str], Mapping[str, float]]
 # a finding must be rarer than this by chance, and explain at least this share of the remaining squared error
 LEVEL, LEAST_GAIN = 0.01, 0.02
 _BATCH = 48
 _REFITS = 5
 _SECOND_STARTS = 1
+# waves within the way that make a repetition
+_WAVES = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,16 +130,17 @@ def best_of_each(screened: Sequence[Screened], most: int = 1) -> list[Screened]:
 def stage(
     bench: Workbench,
     model: Fit,
-    carts: int,
+    topology: Topology,
     rng: np.random.Generator,
     shapes: Mapping[str, Sequence[float]],
+    starts: Starts,
     *,
     say: Progress = lambda _: None,
 ) -> Stage:
     """Search the catalogue once for what explains most of the model's error."""
     raw = bench.residual(model.values)
-    known = {n: v for n, v in model.values.items() if n in LAYOUT}
-    candidates = catalogue(carts, known, shapes)
+    known = [n for n in model.values if n in LAYOUT]
+    candidates = catalogue(topology, known, shapes)
     say(f"screening {len(candidates)} candidates")
     present = orthonormal(model.jacobian)
     e = model.residual - present @ (present.T @ model.residual)
@@ -146,17 +152,31 @@ def stage(
     luck = chance(bench, screened, null, present)
     leaders = best_of_each(screened)
     tried = []
-    for s in _to_refit(screened, leaders, luck):
+    chosen = _to_refit(screened, leaders, luck)
+    chosen += [s for s in screened if s.candidate.name in starts and not any(s is c for c in chosen)]
+    for s in chosen:
         say(f"refitting with {s.candidate.id} ({s.candidate.where})")
-        tried.append(_rival(bench, model, s, raw))
+        tried.append(_rival(bench, model, s, raw, starts.get(s.candidate.name)))
     best: dict[tuple[str, str], Rival] = {}
-    for r in tried:
+    for r in (r for r in tried if _repeats(bench, r)):
         if r.name not in best or r.fit.cost < best[r.name].fit.cost:
             best[r.name] = r
     judged = [replace(r, probability=luck.probability(r.name, max(r.gain, r.screened.gain))) for r in best.values()]
     order = sorted(judged, key=lambda r: (not passes(r), r.fit.cost))
     runs = tuple(bench.rows.of(i) for i in range(len(bench.runs)))
     return Stage(model, tuple(order), tuple(leaders), null, runs)
+
+
+def _repeats(bench: Workbench, rival: Rival) -> bool:
+    """Whether the way holds enough waves of an effect to call it repeating; any smooth force is a piece of a long wave.
+
+    Asked only where all runs share their place: waves of several runs that began anywhere overlap as they please.
+    """
+    period = rival.candidate.period
+    if period is None or not bench.parts:
+        return True
+    track = np.concatenate([run.track for run in bench.runs], axis=1)
+    return _WAVES * rival.fit.values[period] <= float(np.max(np.ptp(track, axis=1)))
 
 
 def passes(rival: Rival) -> bool:
@@ -181,15 +201,21 @@ def _to_refit(screened: Sequence[Screened], leaders: Sequence[Screened], luck: C
     return chosen
 
 
-def _rival(bench: Workbench, model: Fit, s: Screened, raw: FloatArray) -> Rival:
+def _rival(
+    bench: Workbench, model: Fit, s: Screened, raw: FloatArray, known: Mapping[str, float] | None = None
+) -> Rival:
     c = s.candidate
+    if known is not None:
+        # its own parameters stay as given: a sensor loses the sign or it does not
+        fit = refit(bench, {**model.values, **known}, model.names, iterations=12)
+        return Rival(s, fit, bench.offsets, 1.0 - fit.cost / model.cost)
     start = {**model.values, **dict(c.shapes)}
     for (key, _), size in zip(c.sizes, s.sizes, strict=True):
         low, high = bounds(key)
         start[key] = float(np.clip(size, low, high))
     here = bench.offsets
     keys = c.keys
-    if c.period is not None:
+    if bench.unplaced(c.period):
         keys = _align(bench, model, c, start, raw)
     # shapes do nothing while every size is null
     if all(start[key] == LAYOUT[key].parameter.null for key, _ in c.sizes):
@@ -199,7 +225,7 @@ def _rival(bench: Workbench, model: Fit, s: Screened, raw: FloatArray) -> Rival:
         # what is best among comparable residuals may lie beyond a ridge: begin beside the present model
         start.update({key: LAYOUT[key].parameter.null + 0.1 * size for key, size in c.sizes if isfinite(size)})
         fit = refit(bench, start, (*model.names, *keys), iterations=6, fresh=keys, known=model)
-    if c.period is not None:
+    if bench.unplaced(c.period):
         keys = _align(bench, model, c, dict(fit.values), raw)
         again = refit(bench, fit.values, (*model.names, *keys), iterations=3, fresh=keys, known=model)
         fit = min(fit, again, key=lambda f: f.cost)

@@ -17,7 +17,7 @@ import numpy as np
 
 from flexdrive_gym.drive.effects import LAYOUT
 from flexdrive_gym.recording import FloatArray
-from identification.mismatch.candidates import Candidate
+from identification.mismatch.candidates import Candidate, switch
 from identification.mismatch.workbench import Workbench
 
 _SMALLEST = 1e-3
@@ -95,7 +95,7 @@ def screen(
     hidden = 1.0 - float(np.sum(beyond**2)) / total
     if hidden > 1.0 - _SMALLEST:
         return nothing
-    if candidate.period is not None:
+    if bench.unplaced(candidate.period):
         return _screen_waves(bench, candidate, beyond, residual, hidden)
     amplitude, *_ = np.linalg.lstsq(beyond, -residual, rcond=1e-6)
     use = ~(np.array([_one_sided(key) for key, _ in candidate.sizes]) & (amplitude <= 0.0))
@@ -109,8 +109,7 @@ def screen(
     basis = orthonormal(beyond)
     gain = float(np.sum((basis.T @ residual) ** 2) / (residual @ residual))
     sizes = tuple(
-        start if not np.isfinite(LAYOUT[key].parameter.null) else float(a * start)
-        for (key, start), a in zip(candidate.sizes, amplitude, strict=True)
+        start if _switch(key) else float(a * start) for (key, start), a in zip(candidate.sizes, amplitude, strict=True)
     )
     return Screened(candidate, gain, sizes, hidden, basis, basis[:, :0])
 
@@ -121,7 +120,11 @@ def _nothing(n: int) -> tuple[FloatArray, FloatArray]:
 
 def _one_sided(key: str) -> bool:
     q = LAYOUT[key].parameter
-    return q.lower >= q.null or not np.isfinite(q.null)
+    return q.lower >= q.null or _switch(key)
+
+
+def _switch(key: str) -> bool:
+    return switch(LAYOUT[key].parameter, LAYOUT[key].effect)
 
 
 def _screen_waves(

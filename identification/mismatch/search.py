@@ -8,12 +8,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from identification.mismatch.chance import chance
-from identification.mismatch.refit import BASE_ONE, BASE_TWO, Fit
-from identification.mismatch.rounds import Progress, Rival, Stage, passes, stage
+from identification.mismatch.refit import Fit
+from identification.mismatch.rounds import Progress, Rival, Stage, Starts, passes, stage
 from identification.mismatch.screening import orthonormal
 from identification.mismatch.settle import settle
 from identification.mismatch.shapes import Shape, free_shapes
 from identification.mismatch.workbench import Workbench
+from identification.topology import Topology
 
 # once something is certainly left out, which effect it is is decided among all that chance would reach more rarely than this
 PLAUSIBLE = 0.1
@@ -23,6 +24,8 @@ TIE_LEVEL, TIE_GAIN = 0.05, 0.98
 ROUGHNESS = 0.012
 WAY_MM = 100.0
 MOST_EFFECTS = 5
+# what comes before its refinements, if it explains this share of what the best of them does
+_PLAIN, _PLAIN_GAIN = "coulomb_friction", 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,11 +71,12 @@ class Search:
 def search(
     bench: Workbench,
     values: Mapping[str, float],
-    carts: int,
+    topology: Topology,
     rng: np.random.Generator,
     *,
     drive_level: float,
     shapes: Callable[[Mapping[str, float]], Mapping[str, Sequence[float]]],
+    starts: Starts | None = None,
     say: Progress = lambda _: None,
 ) -> Search:
     """Find the effects that were left out of a drive.
@@ -87,12 +91,16 @@ def search(
         Typical command [V], against which sizes are judged.
     shapes
         Start grids found from the data, for the present model.
+    starts
+        Drives from which named candidates are refitted, instead of from the present model: a sensor that shows something else
+        than motion spoils every fit that does not know of it.
     """
-    first = model = settle(bench, values, BASE_TWO if carts == 2 else BASE_ONE)
+    starts = starts or {}
+    first = model = settle(bench, values, topology.free)
     steps: list[Step] = []
     stages: list[Stage] = []
     while True:
-        now = stage(bench, model, carts, rng, shapes(model.values), say=say)
+        now = stage(bench, model, topology, rng, shapes(model.values), starts, say=say)
         stages.append(now)
         if len(stages) == 1:
             say("free shapes")
@@ -123,13 +131,17 @@ def _choose(now: Stage, drive_level: float) -> Rival | None:
     """Return what to take up: nothing, unless chance would hardly reach it; then what fits best.
 
     That something is left out, and what, are two questions. The first is answered by the effect that goes furthest beyond its
-    own usual luck; an effect that chance feeds more often may yet explain the recordings better.
+    own usual luck; an effect that chance feeds more often may yet explain the recordings better. Dry friction comes before its
+    refinements where the drive has none yet: a hump at low speed alone fits better than it, because a hump bends more ways.
     """
     rivals = [r for r in now.rivals if not _rough(r, drive_level)]
     if not any(passes(r) for r in rivals):
         return None
     likely = [r for r in rivals if passes(r) or (r.probability <= PLAUSIBLE and r.candidate.period is None)]
     best = max(likely, key=lambda r: r.gain)
+    plain = next((r for r in likely if r.candidate.id == _PLAIN), None)
+    if plain is not None and plain.gain > _PLAIN_GAIN * best.gain:
+        return plain
     # of what cannot be told apart, the explanation with the fewest numbers
     equals = [r for r in likely if r is best or _ties(now, r, best)]
     return min(equals, key=lambda r: (len(r.fit.names), r.fit.cost))

@@ -27,6 +27,9 @@ def absorb(bench: Workbench, values: Mapping[str, float]) -> None:
     bench.forget_random_effects()
     raw = bench.residual(values)
     bench.weigh(raw)
+    if bench.parts:
+        # parts of one recording share friction and track
+        return
     friction = [n for n in ("d1", "d2")[: len(bench.runs[0].keep)] if values.get(n, 0.0) > 0.0]
     c = Coordinates(friction, values)
     # against a relative change of friction

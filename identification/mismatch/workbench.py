@@ -90,16 +90,23 @@ class Workbench:
         Prepared recordings.
     pool
         Runs the recordings on its threads.
+    parts
+        Whether they are parts of one recording: then friction and the track are the same in all.
     """
 
-    def __init__(self, runs: Sequence[Run], pool: Executor) -> None:
+    def __init__(self, runs: Sequence[Run], pool: Executor, *, parts: bool = False) -> None:
         self.runs = list(runs)
         self.pool = pool
+        self.parts = parts
         self.rows = _rows(self.runs)
         self.weights = self.rows.valid.astype(float)
         self.offsets = np.zeros(len(self.runs))
         self.spread: dict[str, float] = {}
         self._absorbed: list[FloatArray] = []
+
+    def unplaced(self, period: str | None) -> bool:
+        """Whether an effect that repeats with this period meets every run at an unknown place; parts of one run share theirs."""
+        return period is not None and not self.parts
 
     def blocks(self, values: Mapping[str, float], run: int, pushes: FloatArray | None = None) -> FloatArray:
         """Return block means of measured minus simulated velocity of one recording, all carts in a row [mm/s]."""

@@ -6,7 +6,7 @@ import difflib
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -238,7 +238,7 @@ def _recording(
     notes: tuple[str, ...],
 ) -> Recording:
     signals = uniform.signals
-    channels = {key: signals.get(key) for key in (*CHANNELS, "xr")}
+    channels: dict[str, Any] = {key: signals.get(key) for key in (*CHANNELS, "xr")}
     excitation = recognise_excitation(uniform.t, signals["u"], signals.get("x1"), signals.get("x2"), signals.get("xr"))
     moved = any(np.ptp(signals[key]) > 0.0 for key in CHANNELS if key in signals)
     faults = [

@@ -14,6 +14,7 @@ from baselines.experiments import open_loop
 from baselines.sample import FOLDER
 from flexdrive_gym import Drive, load_drive, save_drive
 from identification import write_recording
+from tests.baselines.public.stand_ins import write_carriage
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import SHORT, T, short_day
 
@@ -49,7 +50,8 @@ def folder(tmp_path_factory):
 
 def test_the_contract_names_every_command():
     assert set(COMMANDS) == {
-        "demo", "identify", "validate", "stability", "experiment", "diagnose", "design", "compare", "report", "blind"
+        "demo", "identify", "validate", "stability", "experiment", "diagnose", "design", "compare", "report", "blind",
+        "benchmark",
     }  # fmt: skip
 
 
@@ -65,7 +67,7 @@ def test_wrong_usage_exits_2(command):
     assert flexdrive(command, "--no-such-option").returncode == 2
 
 
-@pytest.mark.parametrize("command", [c for c in COMMANDS if c != "demo"])
+@pytest.mark.parametrize("command", [c for c in COMMANDS if c not in {"demo", "benchmark"}])
 def test_a_missing_file_is_named_and_nothing_is_written(command, tmp_path):
     result = flexdrive(command, "no/such/thing", "-o" if command != "stability" else "--gain", "1", cwd=tmp_path)
     assert result.returncode == 2
@@ -204,6 +206,29 @@ def test_too_little_to_diagnose_names_the_next_experiment(diagnosed, tmp_path):
     assert result.returncode == 1
     assert re.search(r"needs at least two recordings; got 1 of 2\.0 s.*Record squares", result.stderr)
     assert not list(tmp_path.iterdir())
+
+
+def test_benchmark_prints_what_it_writes(tmp_path):
+    (tmp_path / "data").mkdir()
+    write_carriage(tmp_path / "data" / "train.csv", 18.0, seed=1)
+    result = flexdrive("benchmark", "emps", "--data", "data", "-o", "out", "--json", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    found = json.loads(result.stdout)
+    assert found == json.loads((tmp_path / "out" / "benchmark.json").read_text(encoding="utf-8"))
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {"ladder.png", "benchmark.json", "drive.toml"}
+    assert found["rule"] == {"window": 20, "unit": "mm", "metric": "rms of a free simulation"}
+    assert found["final"][0]["test"] == {"EMPS": None}
+
+
+def test_benchmark_names_what_is_missing(tmp_path):
+    result = flexdrive("benchmark", "emps", "--data", "no/such/folder", cwd=tmp_path)
+    assert result.returncode == 2
+    assert "no/such/folder" in result.stderr.replace("\n", "")
+    assert flexdrive("benchmark", "no_such_set", "--data", ".", cwd=tmp_path).returncode == 2
+    empty = flexdrive("benchmark", "silverbox", "--data", ".", "-o", "out", cwd=tmp_path)
+    assert empty.returncode == 1
+    assert "must hold training files of silverbox" in empty.stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.slow

@@ -7,9 +7,9 @@ import pytest
 
 from identification.mismatch.candidates import catalogue
 from identification.mismatch.chance import chance, null_residuals
-from identification.mismatch.refit import BASE_TWO
 from identification.mismatch.screening import orthonormal, screen
 from identification.mismatch.search import baseline, best_of_each, directions
+from identification.topology import TWO_CARTS
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import SHORT, short_day, workbench
 
@@ -26,10 +26,10 @@ SOME = {
 
 def judged(recordings, pool):
     bench = workbench(recordings, pool)
-    model = baseline(bench, RIG, BASE_TWO)
+    model = baseline(bench, RIG, TWO_CARTS.free)
     present = orthonormal(model.jacobian)
     residual = model.residual - present @ (present.T @ model.residual)
-    candidates = [c for c in catalogue(2) if c.id in SOME]
+    candidates = [c for c in catalogue() if c.id in SOME]
     columns = directions(bench, candidates, model.values, bench.residual(model.values))
     screened = [screen(bench, c, s, residual, present) for c, s in zip(candidates, columns, strict=True)]
     return bench, model, present, screened

@@ -1,0 +1,90 @@
+"""Topology: which bodies a drive has, which of their parameters a fit may move, and where anything can act.
+
+The catalogue of effects is written for two carts and a spring. Other rigs are that drive with something missing: one cart
+alone, a second cart that is the ground, a sensor on one of the carts only. A topology says what is missing, so that the
+engine needs no knowledge of any rig. What is *measured* is not part of it: recordings say that by the channels they have, and
+a channel that was not recorded has no valid samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from flexdrive_gym.drive.parameters import parameter
+from flexdrive_gym.recording import Recording
+
+# a mass that no command moves: the ground
+GROUND_MASS = 1e9
+
+
+@dataclass(frozen=True)
+class Topology:
+    """A drive with its parts named.
+
+    Attributes
+    ----------
+    name
+        In words.
+    carts
+        Bodies of the simulation, 1 or 2; one that is the ground counts.
+    free
+        Parameters of the linear drive (and friction, where it is taken for granted) that every fit moves.
+    fixed
+        Parameters held at a value: a body that is the ground, or a choice where the data cannot tell.
+    idle
+        Places at which nothing can act or be seen; effects there are no candidates.
+    start
+        Values to start from besides those found in the data.
+
+    Raises
+    ------
+    ValueError, KeyError
+        For a number of carts other than 1 and 2, or a parameter that is unknown or both free and fixed.
+    """
+
+    name: str
+    carts: int
+    free: tuple[str, ...]
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    idle: frozenset[str] = frozenset()
+    start: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.carts not in (1, 2):
+            raise ValueError(f"carts: must be 1 or 2; got {self.carts}. A drive has one cart or two.")
+        for name in (*self.free, *self.fixed, *self.start):
+            parameter(name)
+        both = sorted(set(self.free) & set(self.fixed))
+        if both:
+            raise ValueError(f"fixed: what is fixed cannot be free; got {', '.join(both)} twice. Leave it out of free.")
+
+    @property
+    def two_carts(self) -> bool:
+        """Whether it is the handout's drive: two carts that both move, all of their parameters free."""
+        return set(TWO_CARTS.free) <= set(self.free)
+
+    @property
+    def moving(self) -> int:
+        """How many bodies move: one that is the ground does not."""
+        return self.carts - (self.fixed.get("m2") == GROUND_MASS)
+
+    def offers(self, where: str) -> bool:
+        """Whether an effect can act at a place of the catalogue."""
+        return where not in self.idle and not (self.carts == 1 and where in _SECOND)
+
+
+_SECOND = frozenset({"cart_2", "spring", "encoder_2"})
+CART = Topology("one cart", 1, ("m1", "b1", "d1"))
+TWO_CARTS = Topology("two carts and a spring", 2, ("m1", "m2", "b1", "b2", "k", "d1", "d2"))
+
+
+def grounded(name: str, start: Mapping[str, float]) -> Topology:
+    """Return a cart on a spring to the ground, without dry friction."""
+    return Topology(name, 2, ("m1", "b1", "k"), {"m2": GROUND_MASS}, frozenset({"cart_2", "encoder_2"}), start)
+
+
+def topology_of(recordings: Sequence[Recording]) -> Topology:
+    """Return the topology that the channels of the recordings tell: two carts where the second one is seen in every run."""
+    seen = [r.v2 is not None or r.x2 is not None for r in recordings]
+    return TWO_CARTS if seen and all(seen) else CART
