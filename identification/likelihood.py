@@ -28,6 +28,7 @@ from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 from flexdrive_gym import Covariance, Drive, Provenance, __version__
+from flexdrive_gym.drive.parameters import parameter
 from flexdrive_gym.recording import FloatArray, Recording
 from identification.equation_error import start_values
 from identification.output_error import Run, block_residuals, prepare, residuals
@@ -162,13 +163,15 @@ class _Fit:
     ) -> tuple[FloatArray, float, bool, dict[str, float]]:
         self.scale = np.array([max(values[n], 0.05 * _typical(n, values)) for n in self.names])
         low = np.where(self.log, -np.inf, 0.0)
-        z = np.maximum(self.coordinates(values), low + 1e-9)
+        most = np.array([parameter(name).upper for name in self.names])
+        high = np.where(self.log, np.log(most), most / self.scale)
+        z = np.clip(self.coordinates(values), low + 1e-9, high - 1e-9)
         cost, done = self.reweight(z), False
         for _ in range(rounds):
             found = least_squares(
-                self.residuals, z, self.jacobian, (low, np.inf), ftol=1e-5, xtol=1e-5, max_nfev=evaluations
+                self.residuals, z, self.jacobian, (low, high), ftol=1e-5, xtol=1e-5, max_nfev=evaluations
             )
-            z, previous = np.maximum(found.x, low + 1e-9), cost
+            z, previous = np.clip(found.x, low + 1e-9, high - 1e-9), cost
             cost, done = self.reweight(z), found.status > 0
             if abs(previous - cost) < 1e-5 * abs(cost):
                 break

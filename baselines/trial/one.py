@@ -9,11 +9,19 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
+from baselines.blind.critical_gain import critical_gain
+from baselines.blind.truth import Truth, draw_truth
+from baselines.payoff import payoff
 from baselines.trial.plan import Trial
+from flexdrive_gym.drive.toml import loads
 from flexdrive_gym.files import write_atomically
 
+# controllers are tried on one rig of so many
+_PAYOFF_EVERY = 5
 # one thread each: a study keeps the cores busy with trials
 _THREADS = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 
@@ -56,6 +64,7 @@ def conduct(trial: Trial, folder: Path) -> int:
         raise ValueError(
             f"trial {trial.number}: the truth in {truth} is not what was sealed; its hash should be {digest}."
         )
+    rig = draw_truth(trial.seed, trial.kind, size=trial.size, effect=trial.effect)
     outcome = {
         "trial": vars(trial),
         "sha256": digest,
@@ -63,9 +72,18 @@ def conduct(trial: Trial, folder: Path) -> int:
         "answer": answer,
         "failed": failed,
         "seconds": seconds,
+        "critical_gain": critical_gain(rig),
+        "payoff": _payoff(rig, answer) if trial.number % _PAYOFF_EVERY == 0 else None,
     }
     write_atomically(opened(folder, trial.number), json.dumps(outcome))
     return trial.number
+
+
+def _payoff(rig: Truth, answer: Mapping[str, Any] | None) -> object:
+    """Run controllers designed on the drives that the answer holds on the rig itself, if a named effect is concealed there."""
+    if answer is None or not rig.effects or any(e.where == "outside" for e in rig.effects):
+        return None
+    return payoff(rig, {name: loads(text) for name, text in answer["drives"].items()}).as_json()
 
 
 def _concealing(trial: Trial) -> list[str]:

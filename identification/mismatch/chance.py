@@ -21,6 +21,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
@@ -61,12 +62,19 @@ class Chance:
 
     def probability(self, name: tuple[str, str], gain: float) -> float:
         """Return the probability that anything does, by chance, as well against its usual as this one did."""
-        most = np.max(self.gains / self.usual, axis=1)
+        most = np.max(_odds(self.gains) / _odds(self.usual), axis=1)
         return float((1 + np.sum(most >= self.surprise(name, gain))) / (1 + len(most)))
 
     def surprise(self, name: tuple[str, str], gain: float) -> float:
-        """Return a gain relative to what the effect usually reaches by chance."""
-        return float(gain / self.usual[self.names.index(name)])
+        """Return the odds of a gain, explained over left, relative to those that the effect usually reaches by chance.
+
+        Odds, because what chance feeds often cannot exceed its usual share by much: a share ends at one.
+        """
+        return float(_odds(gain) / _odds(self.usual[self.names.index(name)]))
+
+
+def _odds(gain: Any) -> Any:
+    return gain / (1.0 - np.minimum(gain, 0.999))
 
 
 def null_residuals(

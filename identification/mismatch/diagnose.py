@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.stats import f as snedecor
 from scipy.stats import t as student
 
 from flexdrive_gym import Covariance, Drive, Provenance, __version__
@@ -48,13 +49,15 @@ from identification.recordings import read_recordings
 from identification.topology import Topology, topology_of
 
 # a free shape must explain this share of the remaining error, and this much more than any name, to be called unnamed
-_SHAPE_GAIN, _SHAPE_LEAD = 0.12, 1.6
+_SHAPE_GAIN, _SHAPE_LEAD = 0.045, 1.6
 # and a line in the spectrum this share
 _LINE_SHARE = 0.05
 # a fit this near to the floor leaves nothing to explain
 _NEAR_FLOOR = 1.25
 # a finding must cut the comparable squared error by this share where it was learnt, and by this one in recordings kept away
 _LEARNT, _PROVEN = 0.01, 0.004
+# and must not raise their plain rms, rough track and all, by more than this factor
+_WORSE = 1.005
 # a velocity that goes less far below zero than this, against its largest, never does
 _NEGATIVE = 0.05
 # a logarithm this uncertain says nothing, and its exponential is still a number
@@ -138,7 +141,7 @@ class _Proof:
     @property
     def holds(self) -> bool:
         """Whether the finding stands."""
-        return self.learnt > _LEARNT and self.kept > _PROVEN
+        return self.learnt > _LEARNT and self.kept > _PROVEN and self.after < _WORSE * self.before
 
 
 class _Diagnosing:
@@ -212,16 +215,14 @@ class _Diagnosing:
             starts=self.starts,
             say=say,
         )
-        shape, alike = self.unnamed(found)
+        shape, alike, overrules = self.unnamed(found)
         say("proving on recordings kept away")
-        proofs, before_values, after_values = self.proven(found)
+        proofs, before_values, after_values, drive = self.certain(found, () if overrules else found.steps)
         fits = velocity_fits(before_values, after_values, split.learn, self.runs, self.pool, held_out=False)
         fits += velocity_fits(before_values, after_values, split.prove, self.runs, self.pool, held_out=True)
         before, after = Drive(before_values, name="free fit"), Drive(after_values, name="diagnosed drive")
         fits += loop_fits(before, after, split.loops)
         proof = total(fits, held_out=True) if split.prove else total(fits)
-        say("fitting all recordings")
-        drive = self.final(after_values, [p.step for p in proofs])
         findings = self.findings(proofs, drive)
         unnamed = self.rhythm(found) if shape is None else self.describe(shape, alike)
         return Diagnosis(
@@ -255,17 +256,21 @@ class _Diagnosing:
             learnt=after,
         )
 
-    def unnamed(self, found: Search) -> tuple[Shape | None, list[tuple[str, float]]]:
-        """Return the free shape that no name fits, if there is one, and the names nearest to it."""
+    def unnamed(self, found: Search) -> tuple[Shape | None, list[tuple[str, float]], bool]:
+        """Return the free shape that no name fits, if there is one; the names nearest to it; whether it overrules all names.
+
+        A shape that goes far beyond everything that was named together says that the names were only the nearest ones.
+        """
         first, last = found.stages[0], found.last
-        rounds = [(found.last_shapes, last, 0.0)]
+        named = 1.0 - float(np.prod([1.0 - s.rival.gain for s in found.steps]))
+        rounds = [(found.last_shapes, last, 0.0, False)]
         if found.steps:
-            rounds.insert(0, (found.first_shapes, first, max(s.rival.gain for s in found.steps[:1])))
-        for shapes, stage, named in rounds:
+            rounds.insert(0, (found.first_shapes, first, named, True))
+        for shapes, stage, so_far, overrules in rounds:
             for shape in shapes:
-                if shape.predicted >= max(_SHAPE_GAIN, _SHAPE_LEAD * named) and shape.probability <= LEVEL:
-                    return shape, likeness(self.bench, shape, stage.screened)
-        return None, []
+                if shape.predicted >= max(_SHAPE_GAIN, _SHAPE_LEAD * so_far) and shape.probability <= LEVEL:
+                    return shape, likeness(self.bench, shape, stage.screened), overrules
+        return None, [], False
 
     def describe(self, shape: Shape, alike: Sequence[tuple[str, float]]) -> Unnamed:
         return Unnamed(shape.where, shape.predicted, shape.sentence, tuple(alike[:3]))
@@ -297,13 +302,31 @@ class _Diagnosing:
         self.bench.offsets = kept
         return values
 
-    def proven(self, found: Search) -> tuple[list[_Proof], Mapping[str, float], Mapping[str, float]]:
-        """Return the findings that hold on recordings kept away, the free drive and the diagnosed one.
+    def certain(
+        self, found: Search, steps: Sequence[Step]
+    ) -> tuple[list[_Proof], Mapping[str, float], Mapping[str, float], Drive]:
+        """Return what :meth:`proven` does of the findings whose sizes differ from none, and the drive of all recordings.
+
+        An effect that is there has much the same size in every recording; one that fits a chance of some has not, and its
+        interval, from the spread between recordings, holds its absence.
+        """
+        while True:
+            proofs, free, everything = self.proven(found, steps)
+            self.say("fitting all recordings")
+            drive = self.final(everything, [p.step for p in proofs])
+            steps = [p.step for p in proofs if _differs(p.step, drive)]
+            if len(steps) == len(proofs):
+                return proofs, free, everything, drive
+
+    def proven(
+        self, found: Search, steps: Sequence[Step]
+    ) -> tuple[list[_Proof], Mapping[str, float], Mapping[str, float]]:
+        """Return those of the findings that hold on recordings kept away, the free drive and the diagnosed one.
 
         A finding holds if the drive with all findings predicts those recordings better than the drive refitted without it.
         """
         free = self.fitted(found, (), {})
-        steps = list(found.steps)
+        steps = list(steps)
         while True:
             everything = self.fitted(found, steps, found.model.values) if steps else free
             proofs = []
@@ -402,6 +425,21 @@ def _never_negative(recordings: Sequence[Recording], channel: str) -> bool:
 def _keys(step: Step) -> tuple[str, ...]:
     """Return the parameters of an effect that were fitted."""
     return tuple(k for k in step.rival.candidate.keys if k in step.rival.fit.names)
+
+
+def _differs(step: Step, drive: Drive) -> bool:
+    """Whether the sizes of an effect together differ from none, by Hotelling's test at 5 % with the recordings as sample."""
+    sizes = [k for k, _ in step.rival.candidate.sizes if k in _keys(step) and np.isfinite(LAYOUT[k].parameter.null)]
+    if not sizes or drive.covariance is None:
+        return True
+    names = drive.covariance.names
+    i = [names.index(k) for k in sizes]
+    away = np.array([drive[k] - LAYOUT[k].parameter.null for k in sizes])
+    k, n = len(sizes), len(drive.provenance.recordings)
+    if n <= k + 1:
+        return True
+    distance = float(away @ np.linalg.pinv(drive.covariance.matrix[np.ix_(i, i)], hermitian=True) @ away)
+    return distance > k * (n - 1) / (n - k) * float(snedecor.ppf(0.95, k, n - k))
 
 
 def _held(step: Step) -> dict[str, float]:

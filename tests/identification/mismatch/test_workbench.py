@@ -5,6 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
+from identification.mismatch.settle import absorb
 from identification.mismatch.workbench import FRICTION, OFFSET
 from identification.output_error import simulate_run
 from tests.drive.drives import RIG
@@ -48,3 +49,14 @@ def test_a_push_moves_the_residual_as_the_simulation_says(bench):
     pushed = bench.blocks(RIG, 0, 0.02 * force[0])
     plain = bench.blocks(RIG, 0, 0.0 * force[0])
     assert column[bench.rows.of(0)] == pytest.approx((pushed - plain) / 0.02)
+
+
+def test_surroundings_take_out_a_rough_track_and_leave_a_delay(bench):
+    """The forces of a rough track hardly count among comparable residuals; those of a late command do."""
+    absorb(bench, RIG)
+    track = [np.vstack([0.1 * np.sin(2.0 * np.pi * run.track[0] / 25.0), np.zeros(len(run.u))]) for run in bench.runs]
+    rough = bench.pushed(RIG, [lambda: track], 0.02)[:, 0]
+    late = bench.residual({**RIG, "input_delay.tau": 0.002}) - bench.residual(RIG)
+    left = [np.sum(bench.comparable(e) ** 2) / np.sum(bench.weighted(e) ** 2) for e in (rough, late)]
+    assert left[0] < 0.1
+    assert left[1] > 5.0 * left[0]
