@@ -356,24 +356,25 @@ def _median(values: Sequence[float]) -> Median:
     return Median(middle, float(interval.low), float(interval.high), len(values))
 
 
-def table(rows: Sequence[Row]) -> str:
-    """Return the summary as two Markdown tables: what the diagnosis pays, and how it is with margins."""
-    if not rows:
-        return ""
-    drives, ratios = tuple(rows[0].drives), tuple(rows[0].ratios)
-    head = ["design", *(f"rms, {d} [mm]" for d in drives), *(f"rms {r}" for r in ratios)]
-    lines = [head, ["---"] * len(head)]
-    lines += [
-        [r.design, *(f"{r.drives[d].rms:.2f}" for d in drives), *(str(r.ratios[q]) for q in ratios)] for r in rows
+Table = tuple[tuple[str, ...], list[tuple[str, ...]]]
+
+
+def tables(rows: Sequence[Row]) -> tuple[Table, Table]:
+    """Return the summary as two tables, each columns and rows: tracking and what the diagnosis pays, and margins on the rig."""
+    drives, ratios = (tuple(rows[0].drives), tuple(rows[0].ratios)) if rows else ((), ())
+    tracking = [
+        (r.design, *(f"{r.drives[d].rms:.2f}" for d in drives), *(str(r.ratios[q]) for q in ratios)) for r in rows
     ]
-    second = ["design", *(f"gain margin, {d}: median, worst, off its promise; stable" for d in drives)]
-    lines += [[], second, ["---"] * len(second)]
+    margins = []
     for row in rows:
         of = [row.drives[d] for d in drives]
-        cells = [f"{f.margin:.2f}, {f.worst_margin:.2f}, {f.broken_promise}; {100.0 * f.stable:.0f} %" for f in of]
-        lines.append([row.design, *cells])
-    text = "\n".join("| " + " | ".join(line) + " |" if line else "" for line in lines)
-    for row in rows:
-        for drive, error in row.gain_errors.items():
-            text += f"\n\nCritical gain predicted by the {drive} drive: off by {error} of the true one (median)."
-    return text
+        margins.append(
+            (
+                row.design,
+                *(f"{f.margin:.2f}, {f.worst_margin:.2f}, {f.broken_promise.value:.1%}, {f.stable:.0%}" for f in of),
+            )
+        )
+    return (
+        (("design", *(f"rms on the {d} drive [mm]" for d in drives), *(f"rms {q}" for q in ratios)), tracking),
+        (("gain margin on the rig: median, worst, off its promise, stable", *drives), margins),
+    )

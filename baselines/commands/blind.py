@@ -32,6 +32,8 @@ def blind(
     A trial takes about half a minute of one core. What is done is kept in the folder; the same command goes on where it
     was interrupted.
     """
+    from baselines.payoff import Payoff, tables  # noqa: PLC0415
+    from baselines.payoff import summary as payoff_rows  # noqa: PLC0415
     from baselines.report.trial_page import build_trial_page  # noqa: PLC0415
     from baselines.trial.judge import judge  # noqa: PLC0415
     from baselines.trial.study import conduct_study, engine  # noqa: PLC0415
@@ -51,14 +53,20 @@ def blind(
         )
     judged = [judge(outcome) for outcome in found]
     summary = summarise(judged)
+    paid = payoff_rows([Payoff.from_json(outcome["payoff"]) for outcome in found if outcome["payoff"]])
     page = write_atomically(
         output / "trial.html",
-        build_trial_page(summary, judged, command=f"flexdrive blind --trials {trials} --seed {seed}", engine=engine()),
+        build_trial_page(
+            summary, judged, paid, command=f"flexdrive blind --trials {trials} --seed {seed}", engine=engine()
+        ),
     )
     if json:
-        print_json({"summary": summary, "trials": judged, "page": page})
+        print_json({"summary": summary, "payoff": paid, "trials": judged, "page": page})
         return
     print_summary(summary)
+    for title, (columns, rows) in zip(("tracking on the concealed rigs", "margins on them"), tables(paid), strict=True):
+        if rows:
+            table(title, columns, rows)
     say(f"wrote {page}; truths in {output / 'sealed'}, outcomes in {output / 'trials'}")
 
 

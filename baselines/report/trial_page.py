@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from baselines.payoff import Row, tables
 from baselines.report import trial_plots as plots
 from baselines.report.page import Section, render
 from baselines.shares import Share
@@ -12,9 +13,18 @@ from baselines.trial.summary import Summary, headline
 from flexdrive_gym import __version__
 
 
-def build_trial_page(summary: Summary, trials: Sequence[Judged], *, command: str, engine: str) -> str:
-    """Return the page as HTML: aims, confusion, detection limits, parameters, every trial."""
-    sections = [_aims(summary), _confusion(summary), _detection(summary), _worth(summary, trials), _all(trials)]
+def build_trial_page(
+    summary: Summary, trials: Sequence[Judged], paid: Sequence[Row] = (), *, command: str, engine: str
+) -> str:
+    """Return the page as HTML: aims, confusion, detection limits, parameters, closed loops, every trial."""
+    sections = [
+        _aims(summary),
+        _confusion(summary),
+        _detection(summary),
+        _worth(summary, trials),
+        _loops(paid),
+        _all(trials),
+    ]
     return render(
         title="Concealed trial of the diagnosis",
         subtitle=f"{summary.trials} lab days of rigs simulated by an independent program; truths sealed before the diagnosis",
@@ -79,6 +89,19 @@ def _worth(summary: Summary, trials: Sequence[Judged]) -> Section:
         ("parameter", "median relative error", "truth inside the 95 % interval"),
         [(a.name, f"{a.median_error:.1%}", _share(a.inside)) for a in (*summary.base, *summary.effects)],
     )
+    return section
+
+
+def _loops(paid: Sequence[Row]) -> Section:
+    section = Section("Closing the loop on the concealed rigs", "loops")
+    if paid:
+        section.text(
+            "Controllers designed on the handout's tied fit, on the free fit and on the diagnosed drive, each run on the "
+            "concealed rig under the same nuisance, three times the handout's trajectory of 8 s. Ratios are paired by rig; below "
+            "1 the diagnosis pays. lab4_ahead adds the command that the drive with all its named physics asks for."
+        )
+        for columns, rows in tables(paid):
+            section.table(columns, rows)
     return section
 
 

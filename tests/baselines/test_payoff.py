@@ -9,7 +9,7 @@ from baselines.blind.critical_gain import critical_gain, gain_margin
 from baselines.blind.truth import draw_truth
 from baselines.controllers import design
 from baselines.margins import margins
-from baselines.payoff import Outcome, Payoff, law_of, payoff, summary, table
+from baselines.payoff import Outcome, Payoff, law_of, payoff, summary, tables
 from baselines.stability_limit import with_rig
 from flexdrive_gym import Drive
 
@@ -86,13 +86,14 @@ def test_ratios_are_paired_and_refusals_counted():
     assert row.gain_errors["diagnosed"].value == pytest.approx(0.0)
 
 
-def test_the_table_says_by_how_much():
-    text = table(summary([case(1.0, 2.0), case(3.0, 4.0)]))
-    assert "rms diagnosed/free" in text
-    assert "0.625" in text
-    assert "predicted by the free drive: off by 0.2" in text
+def test_the_tables_say_by_how_much():
+    (columns, (row,)), (_, (margins,)) = tables(summary([case(1.0, 2.0), case(3.0, 4.0)]))
+    said = dict(zip(columns, row, strict=True))
+    assert said["rms on the diagnosed drive [mm]"] == "2.00"
+    assert said["rms on the free drive [mm]"] == "3.00"
+    assert said["rms diagnosed/free"].startswith("0.625")
+    assert margins[0] == "p_x2_half"
 
 
-def test_nothing_to_sum_up_is_said_by_nothing():
-    assert summary([]) == ()
-    assert table(()) == ""
+def test_nothing_tried_has_no_rows():
+    assert [rows for _, rows in tables(())] == [[], []]

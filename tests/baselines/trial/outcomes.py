@@ -39,4 +39,5 @@ def outcome(kind, effects=(), findings=(), *, number=0, unnamed=False, faults=()
         "failed": failed,
         "seconds": 30.0,
         "critical_gain": 0.2,
+        "payoff": None,
     }
