@@ -51,7 +51,11 @@ def _draw(axes: Axes, result: Result, rungs: Sequence[Rung], lines: Sequence[Lin
         errors = [result.rms(rung.name, part, column) for rung in rungs]
         if any(isfinite(e) for e in errors):
             axes.plot(place, errors, color=colour, marker=mark, markersize=4.0, label=label)
+    parts = {part for *_, part, _ in lines}
+    scored = {s.column for s in result.scores if s.part in parts}
     for i, column in enumerate(b.columns):
+        if column not in scored:
+            continue
         for method in (b.published[0], b.published[-1]):
             axes.axhline(method.figures[i], color=MARK, linewidth=0.7, linestyle=("-", "--", ":")[i], zorder=0)
             text = method.method if len(b.columns) == 1 else f"{method.method}, {column}"
@@ -76,4 +80,8 @@ def _decades(result: Result) -> float:
 
 def _label(name: str, place: int) -> str:
     effect, _, where = name.replace("_", " ").partition("@")
-    return effect.replace(" ", "\n", 1) if not place else "+ " + "\n".join([*effect.split(), where])
+    return (
+        effect.replace(" ", "\n", 1)
+        if not place
+        else "+ " + "\n".join([*effect.split(), *([] if where in effect else [where])])
+    )

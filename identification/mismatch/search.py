@@ -139,8 +139,8 @@ def _choose(now: Stage, drive_level: float) -> Rival | None:
         return None
     likely = [r for r in rivals if passes(r) or (r.probability <= PLAUSIBLE and r.candidate.period is None)]
     best = max(likely, key=lambda r: r.gain)
-    plain = next((r for r in likely if r.candidate.id == _PLAIN), None)
-    if plain is not None and plain.gain > _PLAIN_GAIN * best.gain:
+    plain = next((r for r in likely if r.name == (_PLAIN, best.candidate.where)), None)
+    if plain is not None and plain is not best and plain.gain > _PLAIN_GAIN * best.gain:
         return plain
     # of what cannot be told apart, the explanation with the fewest numbers
     equals = [r for r in likely if r is best or _ties(now, r, best)]
