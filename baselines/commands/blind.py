@@ -25,6 +25,9 @@ def blind(
     ] = Backend.threading,
     jobs: Annotated[int, typer.Option(help="Trials at a time on this machine; -1: as many as cores.")] = -1,
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, tcp://HOST:PORT.")] = None,
+    report: Annotated[
+        bool, typer.Option("--report", help="Run nothing: figures and page of what the folder holds so far.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Put the diagnosis to a concealed trial: rigs of an independent program, whose truth is sealed before the diagnosis.
@@ -36,28 +39,38 @@ def blind(
     from baselines.payoff import summary as payoff_rows  # noqa: PLC0415
     from baselines.report.trial_page import build_trial_page  # noqa: PLC0415
     from baselines.trial.judge import judge  # noqa: PLC0415
-    from baselines.trial.study import conduct_study, engine  # noqa: PLC0415
+    from baselines.trial.plan import plan  # noqa: PLC0415
+    from baselines.trial.study import conduct_study, outcomes, settings  # noqa: PLC0415
     from baselines.trial.summary import summarise  # noqa: PLC0415
     from flexdrive_gym.files import write_atomically  # noqa: PLC0415
 
-    with progress() as bar:
-        task = bar.add_task("trials", total=trials)
-        found = conduct_study(
-            output,
-            trials,
-            seed=seed,
-            backend=backend.value,
-            jobs=jobs,
-            scheduler=scheduler,
-            progress=lambda done, total: bar.update(task, completed=done, total=total),
-        )
+    if report:
+        asked = settings(output)
+        trials, seed = asked["trials"], asked["seed"]
+        found = outcomes(output, plan(trials, seed))
+    else:
+        with progress() as bar:
+            task = bar.add_task("trials", total=trials)
+            found = conduct_study(
+                output,
+                trials,
+                seed=seed,
+                backend=backend.value,
+                jobs=jobs,
+                scheduler=scheduler,
+                progress=lambda done, total: bar.update(task, completed=done, total=total),
+            )
     judged = [judge(outcome) for outcome in found]
     summary = summarise(judged)
     paid = payoff_rows([Payoff.from_json(outcome["payoff"]) for outcome in found if outcome["payoff"]])
     page = write_atomically(
         output / "trial.html",
         build_trial_page(
-            summary, judged, paid, command=f"flexdrive blind --trials {trials} --seed {seed}", engine=engine()
+            summary,
+            judged,
+            paid,
+            command=f"flexdrive blind --trials {trials} --seed {seed}",
+            engine=settings(output)["engine"],
         ),
     )
     if json:

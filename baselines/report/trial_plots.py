@@ -7,6 +7,7 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.ticker import LogFormatter, NullFormatter
 
 from baselines.trial.judge import Judged
 from baselines.trial.summary import Summary
@@ -73,6 +74,7 @@ def plot_detection(summary: Summary) -> Figure:
                 )  # fmt: skip
     axes.set_xscale("log")
     axes.set_xlim(0.1, 8.0)
+    axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_xticks([0.125, 0.25, 0.5, 1.0, 2.0, 4.0], ["1/8", "1/4", "1/2", "1", "2", "4"])
     axes.set_yticks(range(len(found)), [d.name for d in found], fontsize=7)
     axes.set_ylim(-0.7, len(found) - 0.3)
@@ -107,6 +109,9 @@ def plot_gains(trials: Sequence[Judged]) -> Figure:
         most = float(max(before.max(), 2.0))
         right.loglog([0.7, most], [0.7, most], color="black", linewidth=0.6)
         right.axhline(1.0, color="black", linewidth=0.6, linestyle=":")
+        for axis in (right.xaxis, right.yaxis):
+            axis.set_major_formatter("{x:g}")
+            axis.set_minor_formatter(LogFormatter(minor_thresholds=(1.0, 0.4)))
     right.set_xlabel("rms kept away over floor, before naming")
     right.set_ylabel("after naming")
     return figure

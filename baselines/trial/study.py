@@ -72,21 +72,36 @@ def conduct_study(
     return outcomes(folder, chosen)
 
 
+def settings(folder: Path) -> Mapping[str, Any]:
+    """Return what a folder's study was asked for: trials, seed, and the digest of the code that answers.
+
+    Raises
+    ------
+    ValueError
+        If the folder holds no study.
+    """
+    file = folder / "study.json"
+    if not file.exists():
+        raise ValueError(f"output: {folder} holds no study. Begin one without --report.")
+    found: Mapping[str, Any] = json.loads(file.read_text())
+    return found
+
+
 def outcomes(folder: Path, trials: tuple[Trial, ...]) -> list[Mapping[str, Any]]:
     """Return the outcomes that there are, in order."""
     files = [opened(folder, t.number) for t in trials]
     return [json.loads(f.read_text()) for f in files if f.exists()]
 
 
-def _enter(folder: Path, settings: Mapping[str, object]) -> None:
+def _enter(folder: Path, wanted: Mapping[str, object]) -> None:
     file = folder / "study.json"
     if file.exists():
-        there = json.loads(file.read_text())
-        for name, value in settings.items():
+        there = settings(folder)
+        for name, value in wanted.items():
             if there.get(name) != value:
                 raise ValueError(
                     f"output: {folder} holds a study with {name} {there.get(name)!r}, not {value!r}. Give another folder, or "
                     "remove that one."
                 )
         return
-    write_atomically(file, json.dumps(settings, indent=1) + "\n")
+    write_atomically(file, json.dumps(wanted, indent=1) + "\n")

@@ -6,7 +6,9 @@ import subprocess
 import sys
 
 import pytest
+from typer.testing import CliRunner
 
+from baselines.commands import app
 from baselines.trial import one, study
 from baselines.trial.judge import judge
 from baselines.trial.plan import Trial, plan
@@ -100,3 +102,14 @@ def test_a_trial_from_beginning_to_end(tmp_path):
     found = json.loads(result.stdout)
     assert found["summary"]["failed"] == 0
     assert (tmp_path / "trial.html").exists()
+
+
+def test_a_study_tells_what_it_has_so_far(quick, tmp_path):
+    with pytest.raises(ValueError, match="holds no study"):
+        study.settings(tmp_path)
+    study.conduct_study(tmp_path, 4, backend="sequential")
+    one.opened(tmp_path, 3).unlink()
+    result = CliRunner().invoke(app, ["blind", "--report", "-o", str(tmp_path), "--json"])
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["summary"]["trials"] == 3
+    assert "--trials 4 --seed 0" in (tmp_path / "trial.html").read_text()
