@@ -167,6 +167,7 @@ class _Diagnosing:
             self.tied = identify_by_likelihood(split.learn, ties=HANDOUT_RATIOS, threads=jobs, topology=topology)
         self.bench = Workbench([prepare(r) for r in split.learn], pool, parts=split.parts)
         self.starts = self.without_sign(jobs)
+        self.friction_spread = 0.0
         self.level = float(np.median([np.max(np.abs(r.u)) for r in split.learn]))
 
     def without_sign(self, jobs: int | None) -> dict[tuple[str, str], Mapping[str, float]]:
@@ -215,6 +216,8 @@ class _Diagnosing:
             starts=self.starts,
             say=say,
         )
+        # the proofs fit drives without any such freedom
+        self.friction_spread = self.bench.spread.get("friction", 0.0)
         shape, alike, overrules = self.unnamed(found)
         say("proving on recordings kept away")
         proofs, before_values, after_values, drive = self.certain(found, () if overrules else found.steps)
@@ -248,7 +251,7 @@ class _Diagnosing:
             harmonics=tuple(harmonics(forces, split.learn)),
             forces=tuple(forces),
             remaining=tuple(draw_maps(self.forces(after_values, split.learn))),
-            friction_spread=self.bench.spread.get("friction", 0.0),
+            friction_spread=self.friction_spread,
             extra={
                 "rivals": _rivals([p.step for p in proofs]),
                 "order": {"@".join(p.step.rival.name): (_keys(p.step), _held(p.step)) for p in proofs},
@@ -409,8 +412,8 @@ class _Diagnosing:
 
     def notes(self) -> tuple[str, ...]:
         notes = list(self.free.notes)
-        if self.bench.spread:
-            notes.append(f"friction differs from run to run by about {self.bench.spread['friction']:.0%}")
+        if self.friction_spread:
+            notes.append(f"friction differs from run to run by about {self.friction_spread:.0%}")
         return tuple(notes)
 
 
