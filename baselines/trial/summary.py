@@ -206,18 +206,13 @@ def _confusion(trials: Sequence[Judged]) -> dict[str, dict[str, int]]:
         table.setdefault(true, Counter())[said] += 1
 
     for t in trials:
-        otherwise = t.false_names or (("unnamed",) if t.unnamed else ("nothing",))
-        if t.nothing:
-            for said in otherwise:
-                add("nothing", said)
-        if t.outside is not None:
-            for said in otherwise:
-                add(t.outside, said)
+        missed = [c.name for c in t.concealed if c.named == "missed"]
+        missed += ["nothing"] if t.nothing else [] if t.outside is None else [t.outside]
+        for true in missed:
+            for said in t.false_names or (("unnamed",) if t.unnamed else ("nothing",)):
+                add(true, said)
         for c in t.concealed:
-            if c.named == "missed":
-                for said in otherwise:
-                    add(c.name, said)
-            else:
+            if c.named != "missed":
                 add(c.name, c.name if c.named == "exact" else "in a tie")
     return {true: dict(said.most_common()) for true, said in sorted(table.items())}
 
