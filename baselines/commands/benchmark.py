@@ -77,7 +77,7 @@ def _write(result: Result, output: Path) -> None:
 
 def _print(result: Result) -> None:
     b = result.benchmark
-    print_faults("faults of the files: left out of every fit, though the rule scores every sample", result.faults)
+    print_faults("faults of the files: not fitted, but scored", result.faults)
     for note in result.notes:
         say(f"note: {note}")
     validated = [c for c in b.columns if any(s.part == "validation" and s.column == c for s in result.scores)]
