@@ -310,20 +310,16 @@ def _covariance(fit: _Fit, z: FloatArray) -> tuple[FloatArray, float, int]:
     """Sandwich covariance of z, effective sample size, and number of clusters."""
     J, r = fit.jacobian(z), fit.residuals(z)
     scores = J * r[:, None]
-    parts = _parts(len(fit.runs), len(z))
-    sums: list[FloatArray] = []
-    begin = 0
-    for run in fit.runs:
+    parts, n = _parts(len(fit.runs), len(z)), len(z)
+    clusters = parts * len(fit.runs)
+    s, begin = np.zeros((clusters, n)), 0
+    for i, run in enumerate(fit.runs):
         length = len(run.u) * run.sample_time
-        total = np.zeros((parts, len(z)))
         for c in range(len(run.keep)):
             # both carts belong together: they share the disturbance
             part = (parts * run.block_times(c) / length).astype(int)
-            np.add.at(total, part, scores[begin : begin + len(part)])
+            np.add.at(s, parts * i + part, scores[begin : begin + len(part)])
             begin += len(part)
-        sums.append(total)
-    s = np.vstack(sums)
-    clusters, n = len(s), len(z)
     # a parameter without influence makes the information singular; the pseudo-inverse gives it no variance here and
     # the caller reports it as resting at its bound
     inverse = np.linalg.pinv(J.T @ J, rcond=1e-12, hermitian=True)
@@ -361,10 +357,8 @@ def _result(
         )
     remarks += [f"{n} rests at its bound 0" for n in fit.names if n not in _LOGARITHMIC and values[n] < 1e-8]
     if _parts(len(used), len(z)) > 1:
-        remarks.append(
-            f"with fewer than {len(z) + _SPARE} recordings the intervals hold little of what differs from run to run; got "
-            f"{len(used)}"
-        )
+        few = f"with fewer than {len(z) + _SPARE} recordings (here {len(used)})"
+        remarks.append(f"{few} the intervals hold little of what differs from run to run")
     drive = Drive(
         values,
         intervals,

@@ -93,7 +93,7 @@ def test_intervals_know_that_friction_differs_from_run_to_run():
 def test_few_recordings_have_intervals_and_a_warning(day):
     few = identify_by_likelihood(day[:3])
     assert all(low < few.drive[n] < high for n, (low, high) in few.drive.intervals.items())
-    assert "with fewer than 9 recordings the intervals hold little of what differs" in few.drive.provenance.note
+    assert "with fewer than 9 recordings (here 3) the intervals hold little of" in few.drive.provenance.note
 
 
 def test_coloured_residuals_are_worth_fewer_samples(fit):
