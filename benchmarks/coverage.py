@@ -1,20 +1,27 @@
 """Round trip: simulate, identify, and count how often the truth lies inside the 95 % intervals.
 
-Every draw is a new drive with a new lab day of four squares and fourteen sines, encoder counts, raw-difference
-velocities, and a coloured disturbance force that the recorded command does not show.
+Every draw is a new drive with a new lab day of four squares and fourteen sines, encoder counts and raw-difference
+velocities. Either all that disturbs it is a coloured force that the recorded command does not show, or it is a day of the
+concealed trial on which nothing is left out: a rough track, and friction that differs from run to run and wanders.
 """
 
+import tempfile
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from rich.progress import track
 from scipy.stats import binomtest
 
+from baselines.blind.make import make_case
+from baselines.blind.truth import draw_truth
 from baselines.experiments import FREQUENCIES_HZ
 from baselines.sample.make import coloured_force
 from baselines.stability_limit import with_rig
 from flexdrive_gym import Drive, Excitation, Recording
 from flexdrive_gym.references import sine, square
+from identification import read_recordings
 from identification.likelihood import identify_by_likelihood
 
 DRAWS = 100
@@ -53,18 +60,34 @@ def lab_day(drive: Drive, rng: np.random.Generator) -> list[Recording]:
     return runs + [disturbed(drive, "sine", 2.5, f, rng) for f in FREQUENCIES_HZ]
 
 
+def shaken(seed: int) -> tuple[Drive, list[Recording]]:
+    rng = np.random.default_rng(seed)
+    drive = random_drive(rng)
+    return drive, lab_day(drive, rng)
+
+
+def concealed(seed: int) -> tuple[Drive, list[Recording]]:
+    with tempfile.TemporaryDirectory() as folder:
+        make_case(Path(folder) / "day", Path(folder) / "truth.json", seed, "null")
+        return Drive(dict(draw_truth(seed, "null").drive)), list(read_recordings(Path(folder) / "day"))
+
+
 def main(draws: int = DRAWS) -> None:
+    report("a coloured force", shaken, draws)
+    report("a rough track and friction that differs from run to run", concealed, draws)
+
+
+def report(what: str, day: Callable[[int], tuple[Drive, list[Recording]]], draws: int) -> None:
     inside = dict.fromkeys(NAMES, 0)
     errors: dict[str, list[float]] = {name: [] for name in NAMES}
     for seed in track(range(draws), description="round trips"):
-        rng = np.random.default_rng(seed)
-        drive = random_drive(rng)
-        found = identify_by_likelihood(lab_day(drive, rng))
+        drive, recordings = day(seed)
+        found = identify_by_likelihood(recordings)
         for name in NAMES:
             low, high = found.drive.intervals[name]
             inside[name] += low <= drive[name] <= high
             errors[name].append(found.drive[name] / drive[name] - 1.0)
-    print(f"95 % intervals that hold the truth, {draws} draws (seeds 0 … {draws - 1})")
+    print(f"95 % intervals that hold the truth, {what}: {draws} draws (seeds 0 … {draws - 1})")
     for name in NAMES:
         ci = binomtest(inside[name], draws).proportion_ci(method="wilson")
         print(

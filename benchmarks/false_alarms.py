@@ -8,7 +8,6 @@ stopped.
 """
 
 import argparse
-import hashlib
 import json
 import sys
 import time
@@ -19,9 +18,10 @@ from pathlib import Path
 import joblib
 import numpy as np
 from platformdirs import user_cache_path
-from scipy.stats import beta
 
 from baselines.experiments import FREQUENCIES_HZ, open_loop
+from baselines.shares import share
+from baselines.trial.study import engine
 from flexdrive_gym import Drive, Recording
 from flexdrive_gym.files import write_atomically
 from identification import diagnose, identify, read_recordings
@@ -51,30 +51,11 @@ def main() -> None:
     for r in results:
         if r["verdict"] != "no_mismatch":
             print(f"draw {r['draw']}: {r['verdict']}; {', '.join(r['findings']) or 'unnamed'}")
-    for what, count in (
-        ("verdicts other than no mismatch", sum(r["verdict"] != "no_mismatch" for r in results)),
-        ("draws with a named finding", sum(bool(r["findings"]) for r in results)),
-    ):
-        low, high = interval(count, len(results))
-        print(f"{what}: {count} of {len(results)} = {count / len(results):.1%}, 95 % interval {low:.1%} to {high:.1%}")
+    print(f"verdicts other than no mismatch: {share([r['verdict'] != 'no_mismatch' for r in results])}")
+    print(f"draws with a named finding: {share([bool(r['findings']) for r in results])}")
     print(
         f"floor of the draws {np.median([r['floor_rms'] for r in results]):.2f} mm/s (rig {FLOOR_MM_S['mte360_2022']} mm/s)"
     )
-
-
-def interval(count: int, n: int) -> tuple[float, float]:
-    """Clopper and Pearson's exact 95 % interval of a share."""
-    low = float(beta.ppf(0.025, count, n - count + 1)) if count else 0.0
-    high = float(beta.ppf(0.975, count + 1, n - count)) if count < n else 1.0
-    return low, high
-
-
-def engine() -> str:
-    """Digest of what decides: results of another engine are not counted."""
-    code = hashlib.sha256()
-    for path in sorted(p for package in ("identification", "flexdrive_gym") for p in (ROOT / package).rglob("*.py")):
-        code.update(path.read_bytes())
-    return code.hexdigest()[:12]
 
 
 def rig() -> tuple[str, dict[str, float]]:

@@ -10,10 +10,14 @@ is minimised by least squares weighted with the previous round's variances (L. L
 7.4). Variances free in every channel would reward a wrong model for fitting a few quiet channels to the last bit and
 giving up the others. Masses and stiffness are fitted as logarithms, friction within bounds.
 
-Residuals of a real rig are coloured: neighbouring samples err alike, so the nominal N overstates what was learnt.
-The covariance is the sandwich :math:`H^{-1} S H^{-1}`, with :math:`H = \sum J^T J` and :math:`S` the sum of outer
-products of scores summed over one-second blocks; the *effective sample size* is N times the ratio of nominal to
-sandwich variance, averaged over the parameters' directions. K.-Y. Liang, S. Zeger, Biometrika 73, 1986.
+Residuals of a real rig are coloured: neighbouring samples err alike, and friction that differs from run to run errs
+alike through a whole run, so the nominal N overstates what was learnt. The covariance is the sandwich
+
+.. math:: \frac{G}{G-p} H^{-1} \Bigl(\sum_{g=1}^{G} s_g s_g^T\Bigr) H^{-1}, \qquad H = J^T J, \quad s_g = J_g^T r_g,
+
+with the runs as clusters g, and intervals use Student's t with G - p degrees of freedom, since p parameters were fitted
+to G independent things. Fewer than p + 2 runs are cut into equal parts. The *effective sample size* is N times the ratio
+of nominal to sandwich variance, averaged over the parameters' directions. K.-Y. Liang, S. Zeger, Biometrika 73, 1986.
 """
 
 from __future__ import annotations
@@ -42,7 +46,8 @@ _COARSE = 8
 _UNKNOWN = 300.0
 # of a drive whose equations of motion are not all seen, stiffness is known least
 _STIFFER = (0.1, 0.3, 3.0, 10.0)
-_BLOCK_S = 1.0
+# clusters that a covariance must have beyond the number of parameters
+_SPARE = 2
 _STOPPED = "the optimiser stopped before its tolerance was met"
 
 
@@ -296,30 +301,32 @@ def usable(recordings: Sequence[Recording]) -> tuple[list[Recording], list[str]]
     return good, notes
 
 
+def _parts(runs: int, parameters: int) -> int:
+    """Return into how many parts every run is cut so that there are enough clusters; 1 where the runs are enough."""
+    return -(-(parameters + _SPARE) // runs)
+
+
 def _covariance(fit: _Fit, z: FloatArray) -> tuple[FloatArray, float, int]:
-    """Sandwich covariance of z, effective sample size, and number of one-second blocks."""
+    """Sandwich covariance of z, effective sample size, and number of clusters."""
     J, r = fit.jacobian(z), fit.residuals(z)
     scores = J * r[:, None]
-    sums: list[FloatArray] = []
-    begin = 0
-    for run in fit.runs:
-        seconds = [(run.block_times(c) / _BLOCK_S).astype(int) for c in range(len(run.keep))]
-        size = 1 + max(int(s.max(initial=0)) for s in seconds)
-        total = np.zeros((size, len(z)))
-        for s in seconds:
-            # both carts of one second belong together: they share the disturbance
-            np.add.at(total, s, scores[begin : begin + len(s)])
-            begin += len(s)
-        sums.append(total)
-    s = np.vstack(sums)
-    blocks, n = len(s), len(z)
+    parts, n = _parts(len(fit.runs), len(z)), len(z)
+    clusters = parts * len(fit.runs)
+    s, begin = np.zeros((clusters, n)), 0
+    for i, run in enumerate(fit.runs):
+        length = len(run.u) * run.sample_time
+        for c in range(len(run.keep)):
+            # both carts belong together: they share the disturbance
+            part = (parts * run.block_times(c) / length).astype(int)
+            np.add.at(s, parts * i + part, scores[begin : begin + len(part)])
+            begin += len(part)
     # a parameter without influence makes the information singular; the pseudo-inverse gives it no variance here and
     # the caller reports it as resting at its bound
     inverse = np.linalg.pinv(J.T @ J, rcond=1e-12, hermitian=True)
-    sandwich = inverse @ (s.T @ s) @ inverse * (blocks / max(blocks - n, 1))
+    sandwich = inverse @ (s.T @ s) @ inverse * (clusters / (clusters - n))
     ratio = np.diag(inverse) / np.maximum(np.diag(sandwich), 1e-300)
     samples = sum(int(k.sum()) for run in fit.runs for k in run.keep)
-    return sandwich, float(samples * np.exp(np.mean(np.log(np.maximum(ratio, 1e-12))))), blocks
+    return sandwich, float(samples * np.exp(np.mean(np.log(np.maximum(ratio, 1e-12))))), clusters
 
 
 def _result(
@@ -329,10 +336,10 @@ def _result(
     channels = channel_fits(values, fit.runs, fit.pool)
     n = sum(c.n for c in channels)
     rms = float(np.sqrt(sum(c.n * c.rms**2 for c in channels if c.n) / n))
-    covariance_z, effective, blocks = _covariance(fit, z)
+    covariance_z, effective, clusters = _covariance(fit, z)
     gain = np.where(fit.log, np.exp(np.where(fit.log, z, 0.0)), fit.scale)
     covariance = covariance_z * np.outer(gain, gain)
-    quantile = float(student.ppf(0.975, max(blocks - len(z), 1)))
+    quantile = float(student.ppf(0.975, clusters - len(z)))
     spread = quantile * np.sqrt(np.diag(covariance))
     intervals = {
         # masses and stiffness were fitted as logarithms, so their intervals are ratios
@@ -349,6 +356,9 @@ def _result(
             "add squares at two amplitudes and sines around the resonance"
         )
     remarks += [f"{n} rests at its bound 0" for n in fit.names if n not in _LOGARITHMIC and values[n] < 1e-8]
+    if _parts(len(used), len(z)) > 1:
+        few = f"with fewer than {len(z) + _SPARE} recordings (here {len(used)})"
+        remarks.append(f"{few} the intervals hold little of what differs from run to run")
     drive = Drive(
         values,
         intervals,

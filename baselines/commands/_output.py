@@ -15,6 +15,8 @@ import typer
 if TYPE_CHECKING:
     from rich.progress import Progress
 
+    from flexdrive_gym import Fault
+
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output instead of tables.")]
 Recordings = Annotated[
     list[Path],
@@ -79,6 +81,17 @@ def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> 
     for row in body:
         sheet.add_row(*(Text(cell) for cell in row))
     Console(width=None if Console().is_terminal else 140).print(sheet)
+
+
+def print_faults(title: str, faults: Sequence[Fault]) -> None:
+    """Print the faults of recordings but for saturation, which is no fault of a sensor; nothing where there are none."""
+    shown = [f for f in faults if f.id != "saturation"]
+    if shown:
+        table(
+            title,
+            ["recording", "where", "fault", "from [s]", "to [s]"],
+            [[f.recording, f.where, f.id, f"{f.start_s:.3f}", f"{f.end_s:.3f}"] for f in shown],
+        )
 
 
 def say(text: str) -> None:

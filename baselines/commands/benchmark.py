@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from baselines.commands._output import Json, number, plain, print_json, progress, say, table
+from baselines.commands._output import Json, number, plain, print_faults, print_json, progress, say, table
 
 if TYPE_CHECKING:
     from baselines.public import Result
@@ -60,23 +60,26 @@ def benchmark(
 
 
 def _write(result: Result, output: Path) -> None:
-    from io import BytesIO  # noqa: PLC0415
-
     from baselines.public.plot import draw_ladder  # noqa: PLC0415
     from flexdrive_gym import save_drive  # noqa: PLC0415
-    from flexdrive_gym.files import write_atomically  # noqa: PLC0415
+    from flexdrive_gym.files import write_together  # noqa: PLC0415
 
-    output.mkdir(parents=True, exist_ok=True)
     text = encoder.dumps(plain(result.as_json()), ensure_ascii=False, indent=1)
-    write_atomically(output / "benchmark.json", text + "\n")
-    picture = BytesIO()
-    draw_ladder(result).savefig(picture, format="png")
-    write_atomically(output / "ladder.png", picture.getvalue())
-    save_drive(result.final[-1].drive, output / "drive.toml")
+    picture = draw_ladder(result)
+
+    def write(folder: Path) -> None:
+        (folder / "benchmark.json").write_text(text + "\n", encoding="utf-8")
+        picture.savefig(folder / "ladder.png")
+        save_drive(result.final[-1].drive, folder / "drive.toml")
+
+    write_together(output, write)
 
 
 def _print(result: Result) -> None:
     b = result.benchmark
+    print_faults("faults of the files: not fitted, but scored", result.faults)
+    for note in result.notes:
+        say(f"note: {note}")
     validated = [c for c in b.columns if any(s.part == "validation" and s.column == c for s in result.scores)]
     rule = f"rms of the free simulation [{b.rule.unit}] after {b.rule.window} samples of initialisation"
     table(

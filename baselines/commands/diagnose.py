@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json as encoder
-import os
-import shutil
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from baselines.commands._output import Json, Recordings, number, plain, print_json, progress, say, table
+from baselines.commands._output import Json, Recordings, number, plain, print_faults, print_json, progress, say, table
 
 if TYPE_CHECKING:
     from flexdrive_gym import Recording
@@ -75,6 +72,7 @@ def write_diagnosis(
     from baselines.predictions import predictions  # noqa: PLC0415
     from baselines.report.diagnosis import build_diagnosis  # noqa: PLC0415
     from flexdrive_gym import save_drive  # noqa: PLC0415
+    from flexdrive_gym.files import write_together  # noqa: PLC0415
     from identification import diagnose as run  # noqa: PLC0415
     from identification import read_recordings  # noqa: PLC0415
     from identification.mismatch.suggest import suggest_experiments, write_suggestions  # noqa: PLC0415
@@ -99,7 +97,7 @@ def write_diagnosis(
         save_drive(found.drive, folder / "drive.toml")
         write_suggestions(suggestions, folder)
 
-    _write_together(output, write)
+    write_together(output, write, stale="suggest_*.csv")
     return found, suggestions
 
 
@@ -132,22 +130,6 @@ def _content(found: Diagnosis, suggestions: tuple[Suggestion, ...] | None) -> Ma
     return content
 
 
-def _write_together(output: Path, write: Callable[[Path], None]) -> None:
-    """Write into a temporary neighbour of the folder, then move every file: what fails leaves the folder as it was."""
-    output.parent.mkdir(parents=True, exist_ok=True)
-    umask = os.umask(0)
-    os.umask(umask)
-    with tempfile.TemporaryDirectory(dir=output.parent, prefix=f".{output.name}.") as name:
-        temporary = Path(name)
-        write(temporary)
-        output.mkdir(exist_ok=True)
-        for stale in output.glob("suggest_*.csv"):
-            stale.unlink()
-        for file in sorted(temporary.iterdir()):
-            file.chmod(0o666 & ~umask)
-            shutil.move(file, output / file.name)
-
-
 def print_diagnosis(found: Diagnosis) -> None:
     """Print what was found on a terminal."""
     from baselines.report import words  # noqa: PLC0415
@@ -162,13 +144,7 @@ def print_diagnosis(found: Diagnosis) -> None:
     if found.unnamed is not None:
         nearest = ", ".join(f"{words.effect_name(n)} ({s:.0%} alike)" for n, s in found.unnamed.nearest)
         say(f"unnamed, nearest names: {nearest or 'none'}")
-    faults = [f for f in found.faults if f.id != "saturation"]
-    if faults:
-        table(
-            "sensor faults, left out",
-            ["recording", "where", "fault", "from [s]", "to [s]"],
-            [[f.recording, f.where, f.id, f"{f.start_s:.3f}", f"{f.end_s:.3f}"] for f in faults],
-        )
+    print_faults("sensor faults, left out", found.faults)
     for line in words.ratio_sentences(found):
         say(line)
     for note in found.notes:

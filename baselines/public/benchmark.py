@@ -9,7 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from baselines.public.units import Units
-from flexdrive_gym.recording import FloatArray, Recording
+from flexdrive_gym.recording import Channel, FloatArray, Recording
+from identification.recordings.errors import broken
+from identification.recordings.faults import missing_samples
+from identification.recordings.files import extension, read_table
+from identification.recordings.timing import make_uniform
 from identification.topology import Topology
 
 
@@ -90,6 +94,43 @@ class Benchmark:
     def scale(self) -> float:
         """Engine's units in one unit of the rig's output."""
         return self.units.length
+
+
+def read_columns(path: Path, units: Units, channel: Channel, column: str) -> Recording:
+    """Read columns t_s, u_V and one of an output; what is missing is interpolated and a fault.
+
+    Parameters
+    ----------
+    path
+        A ``.csv``, ``.csv.gz`` or ``.mat`` file.
+    units
+        Of the rig.
+    channel, column
+        What the output is, and its name in the file.
+
+    Returns
+    -------
+    Recording
+        In the engine's units, named as the file.
+
+    Raises
+    ------
+    RecordingError
+        If a column is not there, or the file cannot be read.
+    """
+    table = read_table(path)
+    columns = dict(zip(table.labels, table.values, strict=True))
+    wanted = ("t_s", "u_V", column)
+    if any(label not in columns for label in wanted):
+        rule, got = f"must be {', '.join(wanted)}", ", ".join(columns)
+        raise broken(path.name, "columns", rule, got, "Name them so in the header.")
+    t, u, y = (columns[label] for label in wanted)
+    scale = units.length if channel[0] == "x" else units.length / units.time
+    uniform = make_uniform(t * units.time, {"u": u * units.voltage, channel: y * scale}, path.name)
+    name = path.name[: len(path.name) - len(extension(path))]
+    notes = (*table.notes, *uniform.notes)
+    faults = missing_samples(uniform, name)
+    return Recording(name, uniform.t, **uniform.signals, faults=faults, notes=notes, source=path.name)  # type: ignore[arg-type]
 
 
 def piece(recording: Recording, begin: int, end: int, name: str) -> Recording:

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from baselines.public.benchmark import Benchmark, Published, Rule, piece
+from baselines.public.benchmark import Benchmark, Published, Rule, piece, read_columns
 from baselines.public.units import Units
 from flexdrive_gym.recording import Recording
-from identification.recordings.files import read_table
 from identification.topology import Topology
 
 # one tick per second as 100 mm/s
@@ -25,11 +25,7 @@ _KEPT = 100
 
 def read(path: Path) -> Recording:
     """Read columns t_s, u_V, speed_ticks_s; how the speed was made is not known."""
-    table = read_table(path)
-    columns = dict(zip(table.labels, table.values, strict=True))
-    t, u, v = (columns[name] for name in ("t_s", "u_V", "speed_ticks_s"))
-    name = re.sub(r"\.csv(\.gz)?$", "", path.name)
-    return Recording(name, t, u, v2=v * UNITS.length, velocity_cutoff=None, source=path.name)
+    return replace(read_columns(path, UNITS, "v2", "speed_ticks_s"), velocity_cutoff=None)
 
 
 def hold_out(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from baselines.public.benchmark import Benchmark
 from flexdrive_gym import Drive, Recording
-from flexdrive_gym.recording import FloatArray
+from flexdrive_gym.recording import Fault, FloatArray
 from identification import diagnose
 from identification.initial_state import with_start
 from identification.mismatch.ladder import Rung, climb
@@ -54,6 +54,8 @@ class Result:
         recordings were also diagnosed; else the names are those of ``ladder``.
     scores
         Of the ladder in what was learnt from and in the validation part, and of ``final`` in test recordings.
+    recordings
+        The files as read, training first, with their faults: no fit uses what a fault touches, the rule scores every sample.
     seconds
         Wall time.
     """
@@ -63,12 +65,26 @@ class Result:
     ladder: tuple[Rung, ...]
     final: tuple[Rung, ...]
     scores: tuple[Score, ...]
+    recordings: tuple[Recording, ...]
     seconds: float
 
     @property
     def tested(self) -> bool:
         """Whether there were test recordings."""
         return any(s.part == "test" for s in self.scores)
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """What is wrong with the files, times in the rig's seconds."""
+        one = self.benchmark.units.time
+        return tuple(
+            replace(f, start_s=f.start_s / one, end_s=f.end_s / one) for r in self.recordings for f in r.faults
+        )
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What reading the files met."""
+        return tuple(f"{r.name}: {note}" for r in self.recordings for note in r.notes)
 
     def rms(self, rung: str, part: str, column: str | None = None) -> float:
         """Return the rms over the recordings of a part; nan where there are none."""
@@ -84,6 +100,8 @@ class Result:
             "citation": b.citation,
             "rule": {"window": b.rule.window, "unit": b.rule.unit, "metric": "rms of a free simulation"},
             "published": [{"method": p.method, **dict(zip(b.columns, p.figures, strict=True))} for p in b.published],
+            "faults": [vars(f) for f in self.faults],
+            "notes": list(self.notes),
             "findings": [{"id": f.id, "where": f.where} for f in self.found.findings],
             "ladder": [
                 {
@@ -188,4 +206,4 @@ def run_benchmark(
     scores = score_all(benchmark, ladder, learn, "learnt", learn)
     scores += score_all(benchmark, ladder, validation, "validation", learn)
     scores += score_all(benchmark, final, tests, "test", everything)
-    return Result(benchmark, whole, ladder, final, tuple(scores), time.perf_counter() - begin)
+    return Result(benchmark, whole, ladder, final, tuple(scores), (*everything, *tests), time.perf_counter() - begin)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from baselines.public.benchmark import Benchmark, Published, Rule, piece
+from baselines.public.benchmark import Benchmark, Published, Rule, piece, read_columns
 from baselines.public.units import Units
 from flexdrive_gym.recording import Recording
-from identification.recordings.files import read_table
 from identification.topology import grounded
 
 # one volt of output as 100 mm and one of input as 20 V make the spring and its deflection those of the lab; three times slower, a
@@ -18,14 +17,8 @@ UNITS = Units(output="V", length=100.0, time=3.0, voltage=20.0)
 
 
 def read(path: Path) -> Recording:
-    """Read columns t_s, u_V, y_V."""
-    table = read_table(path)
-    columns = dict(zip(table.labels, table.values, strict=True))
-    t, u, y = (columns[name] for name in ("t_s", "u_V", "y_V"))
-    name = re.sub(r"\.csv(\.gz)?$", "", path.name)
-    return Recording(
-        name, t * UNITS.time, u * UNITS.voltage, x1=y * UNITS.length, source=path.name, hold="band_limited"
-    )
+    """Read columns t_s, u_V, y_V; the command was continuous."""
+    return replace(read_columns(path, UNITS, "x1", "y_V"), hold="band_limited")
 
 
 def hold_out(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:

@@ -7,7 +7,7 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.ticker import LogFormatter, NullFormatter
+from matplotlib.ticker import LogFormatter, NullFormatter, PercentFormatter
 
 from baselines.trial.judge import Judged
 from baselines.trial.summary import Summary
@@ -100,7 +100,8 @@ def plot_gains(trials: Sequence[Judged]) -> Figure:
     left.axhline(0.0, color="black", linewidth=0.6)
     left.set_ylim(-0.6, 0.6)
     left.set_xlabel("critical gain of the concealed rig [V/mm]")
-    left.set_ylabel("relative error of the prediction")
+    left.yaxis.set_major_formatter(PercentFormatter(1.0))
+    left.set_ylabel("error of the prediction")
     legend_above(left)
     fits = [(t.before / t.floor, t.after / t.floor) for t in trials if isfinite(t.before / t.floor)]
     if fits:

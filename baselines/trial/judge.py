@@ -13,12 +13,12 @@ from math import pi, sqrt
 from typing import Any, Literal
 
 from flexdrive_gym.drive.toml import loads
+from identification.topology import TWO_CARTS
 
 How = Literal["exact", "tie", "missed"]
 
 # a fault is found if what was masked touches it, give or take this
 _TOUCH_S = 0.02
-_BASE = ("m1", "m2", "b1", "b2", "k", "d1", "d2")
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,7 @@ def _touches(fault: Mapping[str, Any], true: Mapping[str, Any]) -> bool:
 def _base(text: str, truth: Mapping[str, float]) -> tuple[Known, ...]:
     drive = loads(text)
     found = []
-    for name in _BASE:
+    for name in TWO_CARTS.free:
         low, high = drive.intervals.get(name, (float("nan"), float("nan")))
         found.append(Known(name, truth[name], drive[name], low <= truth[name] <= high))
     return tuple(found)

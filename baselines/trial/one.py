@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import subprocess
@@ -14,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from baselines.blind.critical_gain import critical_gain
-from baselines.blind.truth import Truth, draw_truth
+from baselines.blind.truth import Truth, draw_truth, seal
 from baselines.payoff import payoff
 from baselines.trial.plan import Trial
 from flexdrive_gym.drive.toml import loads
@@ -60,7 +59,7 @@ def conduct(trial: Trial, folder: Path) -> int:
         failed = None if run.returncode == 0 else run.stderr.strip().rsplit("\n", maxsplit=1)[-1]
         answer = json.loads(result.read_text()) if failed is None else None
     text = truth.read_text()
-    if hashlib.sha256(text.encode()).hexdigest() != digest:
+    if seal(text) != digest:
         raise ValueError(
             f"trial {trial.number}: the truth in {truth} is not what was sealed; its hash should be {digest}."
         )

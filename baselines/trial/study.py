@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from baselines.execution import Backend, Progress, run_jobs
+from baselines.execution import Backend, Progress, workers
 from baselines.trial.one import conduct, opened
 from baselines.trial.plan import Trial, plan
 from flexdrive_gym.files import write_atomically
@@ -55,20 +55,18 @@ def conduct_study(
     Raises
     ------
     ValueError
-        If the folder holds another study.
+        If the folder holds another study, or the workers cannot be reached; nothing is written then.
     """
     chosen = plan(trials, seed)
-    _enter(folder, {"trials": trials, "seed": seed, "engine": engine()})
-    todo = [t for t in chosen if not opened(folder, t.number).exists()]
-    done = len(chosen) - len(todo)
-    progress(done, len(chosen))
-    run_jobs(
-        [(conduct, (t, folder.resolve())) for t in todo],
-        backend,
-        jobs,
-        scheduler,
-        lambda finished, _: progress(done + finished, len(chosen)),
-    )
+    with workers(backend, jobs, scheduler) as run:
+        _enter(folder, {"trials": trials, "seed": seed, "engine": engine()})
+        todo = [t for t in chosen if not opened(folder, t.number).exists()]
+        done = len(chosen) - len(todo)
+        progress(done, len(chosen))
+        run(
+            [(conduct, (t, folder.resolve())) for t in todo],
+            lambda finished, _: progress(done + finished, len(chosen)),
+        )
     return outcomes(folder, chosen)
 
 

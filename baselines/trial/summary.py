@@ -206,29 +206,28 @@ def _confusion(trials: Sequence[Judged]) -> dict[str, dict[str, int]]:
         table.setdefault(true, Counter())[said] += 1
 
     for t in trials:
-        otherwise = t.false_names or (("unnamed",) if t.unnamed else ("nothing",))
-        if t.nothing:
-            for said in otherwise:
-                add("nothing", said)
-        if t.outside is not None:
-            for said in otherwise:
-                add(t.outside, said)
+        missed = [c.name for c in t.concealed if c.named == "missed"]
+        missed += ["nothing"] if t.nothing else [] if t.outside is None else [t.outside]
+        for true in missed:
+            for said in t.false_names or (("unnamed",) if t.unnamed else ("nothing",)):
+                add(true, said)
         for c in t.concealed:
-            if c.named == "missed":
-                for said in otherwise:
-                    add(c.name, said)
-            else:
+            if c.named != "missed":
                 add(c.name, c.name if c.named == "exact" else "in a tie")
     return {true: dict(said.most_common()) for true, said in sorted(table.items())}
 
 
-Aim = tuple[str, Callable[[Summary], Share | float | None], str]
+Aim = tuple[str, Callable[[Summary], Share | float | str | None], str]
 
 
-def _value(number: Share | float | None) -> str:
+def _value(number: Share | float | str | None) -> str:
     if number is None:
         return "–"
-    return str(number) if isinstance(number, Share) else f"{number:.3g}"
+    return f"{number:.3g}" if isinstance(number, float) else str(number)
+
+
+def _percent(fraction: float) -> str:
+    return f"{fraction:.1%}" if isfinite(fraction) else "–"
 
 
 _AIMS: tuple[Aim, ...] = (
@@ -246,9 +245,9 @@ _AIMS: tuple[Aim, ...] = (
     ("trials with a fault reported where there is none", lambda s: s.false_faults, ""),
     ("median held-out rms over floor, before naming", lambda s: s.over_floor[0], ""),
     ("median held-out rms over floor, after naming", lambda s: s.over_floor[1], "≤ 1.1"),
-    ("median error of the critical gain, handout's tied fit", lambda s: s.gain_error["tied"], ""),
-    ("median error of the critical gain, free fit", lambda s: s.gain_error["free"], ""),
-    ("median error of the critical gain, diagnosed drive", lambda s: s.gain_error["diagnosed"], "≤ 0.05"),
+    ("median error of the critical gain, handout's tied fit", lambda s: _percent(s.gain_error["tied"]), ""),
+    ("median error of the critical gain, free fit", lambda s: _percent(s.gain_error["free"]), ""),
+    ("median error of the critical gain, diagnosed drive", lambda s: _percent(s.gain_error["diagnosed"]), "≤ 5 %"),
     ("seconds per diagnosis on one core, median", lambda s: s.seconds[0], ""),
 )
 

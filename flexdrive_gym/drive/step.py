@@ -33,6 +33,7 @@ from __future__ import annotations
 from typing import Any
 
 from flexdrive_gym.drive.compilation import called, inlined, shifted
+from flexdrive_gym.drive.crossing import crossing
 from flexdrive_gym.drive.effects import FLAG, LAYOUT, N_BASE_PARAMETERS, N_STATES
 from flexdrive_gym.drive.forces import (
     W2,
@@ -213,36 +214,6 @@ def leap(
         x2 + (table[m + 10] * d + table[m + 11] * v1 + table[m + 12] * v2 + table[m + 13] * f1 + table[m + 14] * f2),
         table[m + 15] * d + table[m + 16] * v1 + table[m + 17] * v2 + table[m + 18] * f1 + table[m + 19] * f2,
     )
-
-
-@called
-def crossing(v0: float, slope0: float, v1: float, slope1: float) -> float:
-    """Return where in (0, 1) a cubic with these end values and slopes changes sign, v0 (or its slope) against v1.
-
-    Newton's method, kept inside the bracket by bisection.
-    """
-    c2 = 3.0 * (v1 - v0) - 2.0 * slope0 - slope1
-    c3 = 2.0 * (v0 - v1) + slope0 + slope1
-    low, high = 0.0, 1.0
-    theta = v0 / (v0 - v1)
-    if v0 == 0.0:
-        if slope0 * v1 >= 0.0:
-            return 0.0
-        theta = 0.5
-    for _ in range(30):
-        value = v0 + theta * (slope0 + theta * (c2 + theta * c3))
-        if value * v1 > 0.0:
-            high = theta
-        else:
-            low = theta
-        slope = slope0 + theta * (2.0 * c2 + 3.0 * theta * c3)
-        new = theta - value / slope if slope != 0.0 else 0.5 * (low + high)
-        if not low < new < high:
-            new = 0.5 * (low + high)
-        if abs(new - theta) < 1e-13:
-            return new
-        theta = new
-    return theta
 
 
 @inlined

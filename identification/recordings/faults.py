@@ -18,8 +18,11 @@ if TYPE_CHECKING:
 
     from flexdrive_gym.recording import FloatArray, Recording
     from identification.recordings.motion import Encoder
+    from identification.recordings.timing import Uniform
 
 ENCODERS: tuple[Encoder, ...] = ("encoder_1", "encoder_2")
+# where a missing value is masked; u and xr concern the run as a whole
+_WHERE: dict[str, Encoder] = {"x1": "encoder_1", "v1": "encoder_1", "x2": "encoder_2", "v2": "encoder_2"}
 
 
 def find_faults(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
@@ -55,6 +58,28 @@ def find_faults(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
         )
         for k, recording in enumerate(recordings)
     )
+
+
+def missing_samples(uniform: Uniform, name: str) -> tuple[Fault, ...]:
+    """Return the faults ``missing_samples`` of a run: where its signals are interpolated.
+
+    Parameters
+    ----------
+    uniform
+        Signals of the run; a span missing in all of them, in u or in xr concerns the run as a whole.
+    name
+        Of the recording.
+
+    Returns
+    -------
+    tuple of Fault
+    """
+    faults = [
+        Fault(name, _WHERE.get(key, "recording"), "missing_samples", start, end, "interpolated")
+        for key, parts in uniform.missing.items()
+        for start, end in parts
+    ]
+    return merge_faults(faults, float(np.median(np.diff(uniform.t))))
 
 
 def merge_faults(faults: Sequence[Fault], Ts: float) -> tuple[Fault, ...]:

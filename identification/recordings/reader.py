@@ -6,15 +6,15 @@ import difflib
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexdrive_gym.recording import CHANNELS, Fault, Recording
+from flexdrive_gym.recording import CHANNELS, Recording
 from identification.recordings.checks import check_excitation, check_units
 from identification.recordings.columns import assign_columns, only_reference, require_columns
 from identification.recordings.errors import RecordingError, broken
-from identification.recordings.faults import find_faults, merge_faults
+from identification.recordings.faults import find_faults, missing_samples
 from identification.recordings.files import EXTENSIONS, extension, read_table
 from identification.recordings.quantum import encoder_quantum, velocity_cutoff
 from identification.recordings.recognise import recognise_excitation
@@ -25,14 +25,6 @@ if TYPE_CHECKING:
 
     from flexdrive_gym.recording import FloatArray
     from identification.recordings.files import Table
-
-# where a missing value is masked; u and xr concern the run as a whole
-_WHERE: dict[str, Literal["encoder_1", "encoder_2"]] = {
-    "x1": "encoder_1",
-    "v1": "encoder_1",
-    "x2": "encoder_2",
-    "v2": "encoder_2",
-}
 
 
 class _NotARecordingError(RecordingError):
@@ -241,11 +233,6 @@ def _recording(
     channels: dict[str, Any] = {key: signals.get(key) for key in (*CHANNELS, "xr")}
     excitation = recognise_excitation(uniform.t, signals["u"], signals.get("x1"), signals.get("x2"), signals.get("xr"))
     moved = any(np.ptp(signals[key]) > 0.0 for key in CHANNELS if key in signals)
-    faults = [
-        Fault(name, _WHERE.get(key, "recording"), "missing_samples", start, end, "interpolated")
-        for key, parts in uniform.missing.items()
-        for start, end in parts
-    ]
     return Recording(
         name=name,
         t=uniform.t,
@@ -254,7 +241,7 @@ def _recording(
         quantum=quantum,
         velocity_cutoff=cutoff,
         excitation=excitation,
-        faults=merge_faults(faults, float(np.median(np.diff(uniform.t)))),
+        faults=missing_samples(uniform, name),
         notes=(*notes, *uniform.notes, *(() if moved else ("nothing moves",))),
         source=source,
     )

@@ -14,7 +14,7 @@ from baselines.experiments import open_loop
 from baselines.sample import FOLDER
 from flexdrive_gym import Drive, load_drive, save_drive
 from identification import write_recording
-from tests.baselines.public.stand_ins import write_carriage
+from tests.baselines.public.stand_ins import lose, write_carriage
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import SHORT, T, short_day
 
@@ -211,6 +211,7 @@ def test_too_little_to_diagnose_names_the_next_experiment(diagnosed, tmp_path):
 def test_benchmark_prints_what_it_writes(tmp_path):
     (tmp_path / "data").mkdir()
     write_carriage(tmp_path / "data" / "train.csv", 18.0, seed=1)
+    lose(tmp_path / "data" / "train.csv", range(2000, 2005))
     result = flexdrive("benchmark", "emps", "--data", "data", "-o", "out", "--json", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     found = json.loads(result.stdout)
@@ -218,6 +219,10 @@ def test_benchmark_prints_what_it_writes(tmp_path):
     assert {p.name for p in (tmp_path / "out").iterdir()} == {"ladder.png", "benchmark.json", "drive.toml"}
     assert found["rule"] == {"window": 20, "unit": "mm", "metric": "rms of a free simulation"}
     assert found["final"][0]["test"] == {"EMPS": None}
+    assert found["notes"] == []
+    lost = next(f for f in found["faults"] if f["id"] == "missing_samples")
+    assert (lost["recording"], lost["where"]) == ("train", "encoder_1")
+    assert (lost["start_s"], lost["end_s"]) == pytest.approx((2.0, 2.004))
 
 
 def test_benchmark_names_what_is_missing(tmp_path):

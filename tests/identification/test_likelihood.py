@@ -75,6 +75,27 @@ def test_intervals_narrow_with_more_data(day, fit):
     assert np.median([np.diff(more.drive.intervals[k])[0] / width[k] for k in NAMES]) < 0.8
 
 
+def test_intervals_know_that_friction_differs_from_run_to_run():
+    spread = 0.1
+    factors = 1.0 + spread * np.array([-1.2, 0.3, 1.3, -0.5, 0.9, -1.4, 0.6, -0.3, 1.0, -0.7])
+    kinds = [("square", 1.5, 0.5), ("square", 2.0, 0.5), ("sine", 2.5, 1.0), ("sine", 2.5, 2.5), ("sine", 2.5, 4.0)]
+    days = [
+        run(Drive({**RIG, **COUNTS, "d1": f * RIG["d1"]}), *kind, seed=i)
+        for i, (f, kind) in enumerate(zip(factors, 2 * kinds, strict=True))
+    ]
+    found = identify_by_likelihood(days).drive
+    low, high = found.intervals["d1"]
+    # ten runs tell their common level no better than the mean of ten draws does, however many samples they have
+    assert high - low > 2.0 * 1.96 * spread * RIG["d1"] / np.sqrt(len(factors))
+    assert low < RIG["d1"] < high
+
+
+def test_few_recordings_have_intervals_and_a_warning(day):
+    few = identify_by_likelihood(day[:3])
+    assert all(low < few.drive[n] < high for n, (low, high) in few.drive.intervals.items())
+    assert "with fewer than 9 recordings (here 3) the intervals hold little of" in few.drive.provenance.note
+
+
 def test_coloured_residuals_are_worth_fewer_samples(fit):
     assert 0 < fit.effective_samples < fit.samples
 

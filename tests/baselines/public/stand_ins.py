@@ -19,6 +19,15 @@ def write(path, name, *columns):
     np.savetxt(path, np.column_stack(columns), delimiter=",", header=HEADERS[name], comments="")
 
 
+def lose(path, samples):
+    """Lose some samples of the output, which stands last, as a logger does that writes nan for them."""
+    lines = path.read_text().splitlines()
+    for n in samples:
+        # below a header
+        lines[n + 1] = f"{lines[n + 1].rsplit(',', 1)[0]},nan"
+    path.write_text("\n".join(lines) + "\n")
+
+
 def write_carriage(path, seconds, seed):
     """One carriage that follows moves under P-control, in metres."""
     rng = np.random.default_rng(seed)

@@ -1,5 +1,6 @@
 """Benchmarks on stand-ins whose physics is known, and on the real data where they are."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,8 @@ import pytest
 from baselines.commands.benchmark import Name
 from baselines.public import BENCHMARKS, run_benchmark
 from baselines.public.plot import draw_ladder
-from tests.baselines.public.stand_ins import CARRIAGE, write_belt, write_carriage, write_oscillator
+from flexdrive_gym import Fault
+from tests.baselines.public.stand_ins import CARRIAGE, lose, write_belt, write_carriage, write_oscillator
 
 REAL = Path(__file__).parents[4] / "shared" / "recordings"
 
@@ -80,6 +82,48 @@ def test_an_oscillator_shows_its_cubic_spring(tmp_path):
     k3 = result.as_json()["ladder"][-1]["parameters"]["hardening_spring.k3"]
     assert k3["value"] == pytest.approx(7.8e-5 * 100.0**3 / 20.0, rel=0.05)
     assert k3["unit"] == "V/V³"
+
+
+@pytest.mark.parametrize(
+    ("name", "write", "where", "sample_time"),
+    [
+        ("silverbox", write_oscillator, "encoder_1", 3.0 * 2.0**14 / 1e7),
+        ("coupled_drives", write_belt, "encoder_2", 0.02),
+    ],
+)
+def test_missing_samples_are_faults_and_no_numbers(tmp_path, name, write, where, sample_time):
+    file = tmp_path / "uniform_1_train.csv"
+    write(file, 400, seed=1)
+    whole = BENCHMARKS[name].read(file)
+    assert whole.faults == ()
+    lose(file, (100, 101, 102))
+    run = BENCHMARKS[name].read(file)
+    assert [(f.recording, f.where, f.id) for f in run.faults] == [("uniform_1_train", where, "missing_samples")]
+    assert (run.faults[0].start_s, run.faults[0].end_s) == pytest.approx((100 * sample_time, 102 * sample_time))
+    channel, values = next(run.channels())
+    assert np.flatnonzero(~run.valid(channel)).tolist() == [100, 101, 102]
+    assert np.array_equal(np.delete(values, [100, 101, 102]), np.delete(getattr(whole, channel), [100, 101, 102]))
+    assert np.isfinite(values).all()
+
+
+def test_a_file_without_the_columns_is_named(tmp_path):
+    (tmp_path / "train.csv").write_text("t_s,u_V,q_m\n0,1,2\n")
+    with pytest.raises(
+        ValueError, match=r"train\.csv: columns: must be t_s, u_V, y_V; got t_s, u_V, q_m\. Name them so"
+    ):
+        BENCHMARKS["silverbox"].read(tmp_path / "train.csv")
+
+
+def test_times_of_faults_are_the_rigs(carriage):
+    assert carriage.faults == ()
+    fault = Fault("train", "encoder_1", "missing_samples", 3.0, 6.0)
+    slow = replace(
+        carriage,
+        benchmark=BENCHMARKS["silverbox"],
+        recordings=(replace(carriage.recordings[0], faults=(fault,), notes=("jitter",)),),
+    )
+    assert [(f.start_s, f.end_s) for f in slow.faults] == [(1.0, 2.0)]
+    assert slow.notes == ("train: jitter",)
 
 
 def test_a_folder_without_training_files_is_named(tmp_path):

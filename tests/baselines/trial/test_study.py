@@ -48,6 +48,14 @@ def test_another_study_is_not_mixed_in(quick, tmp_path):
         study.conduct_study(tmp_path, 2, seed=1, backend="sequential")
 
 
+@pytest.mark.parametrize("scheduler", [[], ["--scheduler", "nowhere://1"]])
+def test_a_refused_backend_writes_nothing(scheduler, tmp_path):
+    result = CliRunner().invoke(app, ["blind", "--backend", "dask", *scheduler, "-o", str(tmp_path / "out")])
+    assert isinstance(result.exception, ValueError)
+    assert str(result.exception).startswith("scheduler: ")
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_rig_that_cannot_be_made_is_an_error(tmp_path):
     wrong = Trial(0, 1, "effect", ("stribeck", "the moon"), 1.0)
     with pytest.raises(ValueError, match="trial 0: its rig could not be made: error: effect: nothing makes 'stribeck'"):

@@ -59,6 +59,14 @@ def test_the_page_says_what_was_run():
         assert value.split("(")[0].strip() in page
 
 
+def test_errors_of_the_critical_gain_are_per_cent():
+    rows = {what: (value, aim) for what, value, aim in headline(summarise(study()))}
+    assert rows["median error of the critical gain, diagnosed drive"] == ("5.0%", "≤ 5 %")
+    assert rows["median error of the critical gain, handout's tied fit"] == ("50.0%", "")
+    nulls = {what: value for what, value, _ in headline(summarise([judge(outcome("null"))]))}
+    assert nulls["median error of the critical gain, diagnosed drive"] == "–"
+
+
 def test_a_study_of_nulls_alone_has_no_rates_of_naming():
     s = summarise([judge(outcome("null"))])
     assert s.named is None
