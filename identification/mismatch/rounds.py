@@ -25,6 +25,8 @@ LEVEL, LEAST_GAIN = 0.01, 0.02
 _BATCH = 48
 _REFITS = 5
 _SECOND_STARTS = 1
+# of the greatest surprise among plain residuals: what comes this near is refitted, too
+_NEARLY = 0.5
 # waves within the way that make a repetition
 _WAVES = 1.5
 
@@ -222,8 +224,10 @@ def _to_refit(views: Mapping[View, Sequence[Screened]], leaders: Sequence[Screen
         first = sorted(best, key=lambda s: -surprise[s.candidate.name])
         if i == 0:
             surprising = first
+        # forces that all runs share resemble one another
+        near = [s for s in first if surprise[s.candidate.name] > _NEARLY * max(1.0, surprise[first[0].candidate.name])]
         names = {c.candidate.name for c in chosen}
-        chosen += [s for s in first[: 3 if i == 0 else 2] if s.candidate.name not in names]
+        chosen += [s for s in (first[:3] if i == 0 else near[:_REFITS]) if s.candidate.name not in names]
     alike: set[str] = set()
     for s in (*leaders[:2], *surprising[:1]):
         alike |= {i for e in EFFECTS if e.id == s.candidate.id for i in e.looks_like}
