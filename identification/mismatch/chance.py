@@ -24,12 +24,13 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lfilter
 
 from flexdrive_gym.recording import FloatArray
-from identification.mismatch.screening import Screened
-from identification.mismatch.workbench import Workbench
+from identification.mismatch.refit import Fit
+from identification.mismatch.screening import Screened, explained, orthonormal
+from identification.mismatch.surroundings import against, dry_level, speeds
+from identification.mismatch.workbench import View, Workbench
 
 DRAWS = 119
 # spreads relative to the Coulomb level, correlation length of the track [mm], noise [V]: lowest and highest
@@ -37,7 +38,9 @@ _ABOUT, _WITHIN, _ROUGH = (0.7, 1.4), (0.01, 0.06), (0.005, 0.06)
 _LENGTH_MM, _NOISE_V = (3.0, 60.0), (0.01, 0.05)
 _SLOPE_MM = (20.0, 200.0)
 _WANDER_S, _BAND_HZ, _START_MM = 2.0, 50.0, 150.0
-_RESTING = 5.0
+_TRACK_MM = np.linspace(-250.0, 250.0, 501)
+# candidates that a thread looks at together
+_PART = 32
 # slow friction is drawn once in so many samples
 _COARSE = 50
 
@@ -50,9 +53,9 @@ class Chance:
     ----------
     names
         Effect and place.
-    gains : ndarray, shape (draws, names)
+    gains : ndarray, shape (draws, names, views)
         Shares of the null's error explained.
-    usual : ndarray, shape (names,)
+    usual : ndarray, shape (names, views)
         What it reaches in one draw of thirty.
     """
 
@@ -60,17 +63,17 @@ class Chance:
     gains: FloatArray
     usual: FloatArray
 
-    def probability(self, name: tuple[str, str], gain: float) -> float:
-        """Return the probability that anything does, by chance, as well against its usual as this one did."""
-        most = np.max(_odds(self.gains) / _odds(self.usual), axis=1)
-        return float((1 + np.sum(most >= self.surprise(name, gain))) / (1 + len(most)))
+    def probability(self, name: tuple[str, str], gains: Sequence[float] | FloatArray) -> float:
+        """Return the probability that anything does, by chance, as well against its usual in any view as this one did."""
+        most = np.max(_odds(self.gains) / _odds(self.usual), axis=(1, 2))
+        return float((1 + np.sum(most >= max(self.surprise(name, gains)))) / (1 + len(most)))
 
-    def surprise(self, name: tuple[str, str], gain: float) -> float:
-        """Return the odds of a gain, explained over left, relative to those that the effect usually reaches by chance.
+    def surprise(self, name: tuple[str, str], gains: Sequence[float] | FloatArray) -> tuple[float, ...]:
+        """Return the odds of a gain in every view, relative to those that the effect usually reaches by chance.
 
-        Odds, because what chance feeds often cannot exceed its usual share by much: a share ends at one.
+        Odds, explained over left, because what chance feeds often cannot exceed its usual share by much: a share ends at one.
         """
-        return float(_odds(gain) / _odds(self.usual[self.names.index(name)]))
+        return tuple(map(float, _odds(np.array(gains)) / _odds(self.usual[self.names.index(name)])))
 
 
 def _odds(gain: Any) -> Any:
@@ -80,32 +83,49 @@ def _odds(gain: Any) -> Any:
 def null_residuals(
     bench: Workbench, values: Mapping[str, float], rng: np.random.Generator, draws: int = DRAWS
 ) -> FloatArray:
-    """Return comparable residuals of the present model under random nuisance, shape (N, draws)."""
-    speeds = [[gaussian_filter1d(v, 0.004 / run.sample_time) for v in run.measured] for run in bench.runs]
+    """Return raw residuals of the present model under random nuisance, shape (N, draws)."""
+    motion = list(zip(*(speeds(bench, c) for c in range(len(bench.runs[0].keep))), strict=True))
     forces = [
-        partial(nuisance, bench, values, speeds, seed) for seed in (int(s) for s in rng.integers(0, 2**63, draws))
+        partial(nuisance, bench, values, motion, seed) for seed in (int(s) for s in rng.integers(0, 2**63, draws))
     ]
-    return bench.comparable(bench.pushed(values, forces, 1.0))
+    return bench.pushed(values, forces, 1.0)
 
 
-def chance(bench: Workbench, screened: Sequence[Screened], null: FloatArray, present: FloatArray) -> Chance:
-    """Return what every candidate explains of null residuals."""
-    e = null - present @ (present.T @ null)
-    total = np.maximum(np.sum(e**2, axis=0), 1e-300)
+def chance(bench: Workbench, screened: Mapping[View, Sequence[Screened]], null: FloatArray, model: Fit) -> Chance:
+    """Return what every candidate explains of null residuals.
 
-    entries = list(bench.pool.map(lambda s: s.explains(bench, e) / total, screened))
-    names = tuple(dict.fromkeys(s.candidate.name for s in screened))
-    gains = np.column_stack(
-        [np.max([g for g, s in zip(entries, screened, strict=True) if s.candidate.name == n], axis=0) for n in names]
-    )
+    Parameters
+    ----------
+    screened
+        The same candidates in every view.
+    null
+        Raw residuals, shape (N, draws).
+    model
+        Whose directions a refit takes out.
+    """
+    views = []
+    for view, entries in screened.items():
+        present = orthonormal(bench.seen(view, model.sensitivity))
+        e = bench.seen(view, null)
+        e -= present @ (present.T @ e)
+        total = np.maximum(np.sum(e**2, axis=0), 1e-300)
+        parts = [entries[i : i + _PART] for i in range(0, len(entries), _PART)]
+        shares = [
+            found / total for part in bench.pool.map(lambda p, e=e: explained(bench, p, e), parts) for found in part
+        ]
+        names = tuple(dict.fromkeys(s.candidate.name for s in entries))
+        views.append(
+            [np.max([g for g, s in zip(shares, entries, strict=True) if s.candidate.name == n], axis=0) for n in names]
+        )
+    gains = np.moveaxis(np.array(views), 2, 0).swapaxes(1, 2)
     # a candidate that chance hardly feeds must still explain something
     return Chance(names, gains, np.maximum(np.quantile(gains, 0.97, axis=0), 4e-3))
 
 
 def nuisance(
-    bench: Workbench, values: Mapping[str, float], speeds: Sequence[Sequence[FloatArray]], seed: int
+    bench: Workbench, values: Mapping[str, float], motion: Sequence[Sequence[FloatArray]], seed: int
 ) -> list[FloatArray]:
-    """Return one draw of nuisance forces, for every recording ndarray, shape (2, n) [V]; ``speeds`` are smoothed velocities."""
+    """Return one draw of nuisance forces, for every recording ndarray, shape (2, n) [V]; ``motion`` are smoothed velocities."""
     rng = np.random.default_rng(seed)
     # what differs from run to run was estimated from these very recordings; the rest varies over what rigs show
     between = bench.spread.get("friction", 0.05) * _log_uniform(rng, *_ABOUT)
@@ -121,15 +141,17 @@ def nuisance(
     # what all parts of one recording share is no difference between them: a friction or a slope that chance could make there
     # would be a property of the drive
     ways = [np.concatenate([r.track[c] for r in bench.runs]) + start for c in range(carts)]
-    shared = [float(np.mean(profile(way))) if bench.parts else 0.0 for profile, way in zip(slopes, ways, strict=True)]
-    for run, speed in zip(bench.runs, speeds, strict=True):
+    # and so would a slope be that the whole track has
+    shared = [
+        float(np.mean(profile(way if bench.parts else _TRACK_MM))) for profile, way in zip(slopes, ways, strict=True)
+    ]
+    for run, speed in zip(bench.runs, motion, strict=True):
         n, h = len(run.u), run.sample_time
         force = np.zeros((2, n))
         if not bench.parts:
             start = rng.uniform(-_START_MM, _START_MM)
         for c in range(carts):
             v = speed[c]
-            level = max(values.get(f"d{c + 1}", 0.0) + _bristles(values, c), 0.05)
             keep = np.exp(-_COARSE * h / _WANDER_S)
             slow = lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], rng.standard_normal(n // _COARSE + 2))
             wander = np.interp(np.arange(n) / _COARSE, np.arange(n // _COARSE + 2), slow)
@@ -139,13 +161,9 @@ def nuisance(
             shake = np.interp(np.arange(n) / coarse, np.arange(n // coarse + 2), rng.standard_normal(n // coarse + 2))
             force[c] = noise * shake
             force[c] += slope * (slopes[c](run.track[c] + start) - shared[c])
-            force[c] -= np.where(np.abs(v) > _RESTING, np.sign(v), 0.0) * level * friction
+            force[c] += against(v) * dry_level(values, c) * friction
         pushes.append(force)
     return pushes
-
-
-def _bristles(values: Mapping[str, float], cart: int) -> float:
-    return values.get(f"presliding.cart_{cart + 1}.fd", 0.0)
 
 
 def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:

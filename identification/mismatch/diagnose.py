@@ -6,24 +6,19 @@ import os
 import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import f as snedecor
-from scipy.stats import t as student
 
-from flexdrive_gym import Covariance, Drive, Provenance, __version__
-from flexdrive_gym.drive.effects import LAYOUT
-from flexdrive_gym.recording import FloatArray, Recording
+from flexdrive_gym import Drive
+from flexdrive_gym.recording import Recording
 from identification.likelihood import MaximumLikelihood, identify_by_likelihood
-from identification.methods import rig_parameters
 from identification.mismatch.lines import strongest_line
 from identification.mismatch.maps import Map, draw_maps, harmonics
 from identification.mismatch.missing_force import MissingForce, missing_force
-from identification.mismatch.prove import gain_on, loop_fits, place, polished, total, velocity_fits
-from identification.mismatch.refit import Coordinates, sensitivities
+from identification.mismatch.prove import loop_fits, total, velocity_fits
+from identification.mismatch.proving import Proof, Proving, held_of, keys_of
 from identification.mismatch.rounds import LEVEL, Progress
 from identification.mismatch.search import Search, Step, search
 from identification.mismatch.shapes import Shape, likeness
@@ -54,14 +49,8 @@ _SHAPE_GAIN, _SHAPE_LEAD = 0.045, 1.6
 _LINE_SHARE = 0.05
 # a fit this near to the floor leaves nothing to explain
 _NEAR_FLOOR = 1.25
-# a finding must cut the comparable squared error by this share where it was learnt, and by this one in recordings kept away
-_LEARNT, _PROVEN = 0.01, 0.004
-# and must not raise their plain rms, rough track and all, by more than this factor
-_WORSE = 1.005
 # a velocity that goes less far below zero than this, against its largest, never does
 _NEGATIVE = 0.05
-# a logarithm this uncertain says nothing, and its exponential is still a number
-_UNKNOWN = 300.0
 # cut-offs of a velocity filter, in multiples of the sampling rate
 _FILTERS = (0.03, 0.08, 0.2)
 
@@ -115,33 +104,6 @@ def _read(recordings: Any) -> list[Recording]:
     if items and all(isinstance(r, Recording) for r in items):
         return items
     return list(read_recordings(items))
-
-
-@dataclass(frozen=True, eq=False)
-class _Proof:
-    """A finding, and the drive refitted without it against the drive with all.
-
-    Attributes
-    ----------
-    before, after
-        Rms on recordings kept away [mm/s].
-    share
-        Of the squared error of recordings learnt from that it removes.
-    learnt, kept
-        Share of the comparable squared error that it removes, in recordings learnt from and kept away.
-    """
-
-    step: Step
-    before: float
-    after: float
-    share: float
-    learnt: float
-    kept: float
-
-    @property
-    def holds(self) -> bool:
-        """Whether the finding stands."""
-        return self.learnt > _LEARNT and self.kept > _PROVEN and self.after < _WORSE * self.before
 
 
 class _Diagnosing:
@@ -220,7 +182,8 @@ class _Diagnosing:
         self.friction_spread = self.bench.spread.get("friction", 0.0)
         shape, alike, overrules = self.unnamed(found)
         say("proving on recordings kept away")
-        proofs, before_values, after_values, drive = self.certain(found, () if overrules else found.steps)
+        proving = Proving(self.runs, split, self.topology, free, self.bench, self.pool, say)
+        proofs, before_values, after_values, drive = proving.certain(found, () if overrules else found.steps)
         fits = velocity_fits(before_values, after_values, split.learn, self.runs, self.pool, held_out=False)
         fits += velocity_fits(before_values, after_values, split.prove, self.runs, self.pool, held_out=True)
         before, after = Drive(before_values, name="free fit"), Drive(after_values, name="diagnosed drive")
@@ -253,8 +216,8 @@ class _Diagnosing:
             remaining=tuple(draw_maps(self.forces(after_values, split.learn))),
             friction_spread=self.friction_spread,
             extra={
-                "rivals": _rivals([p.step for p in proofs]),
-                "order": {"@".join(p.step.rival.name): (_keys(p.step), _held(p.step)) for p in proofs},
+                "rivals": _rivals(findings, [p.step for p in proofs]),
+                "order": {"@".join(p.step.rival.name): (keys_of(p.step), held_of(p.step)) for p in proofs},
             },
             learnt=after,
         )
@@ -287,109 +250,15 @@ class _Diagnosing:
         acts = f"{line.frequency:.3g} Hz whatever the command: a disturbance from outside"
         return Unnamed(line.where, line.share, acts, ())
 
-    def fitted(self, found: Search, steps: Sequence[Step], start: Mapping[str, float]) -> Mapping[str, float]:
-        """Return the drive with these findings, fitted to what was learnt from."""
-        names = list(self.names)
-        values = {
-            **self.topology.fixed,
-            **{k: start.get(k, self.free.drive.values.get(k, 0.0)) for k in self.names},
-        }
-        offsets = np.zeros(len(self.bench.runs))
-        for step in steps:
-            names += _keys(step)
-            values |= {k: start.get(k, found.model.values[k]) for k in (*_keys(step), *_held(step))}
-            if step.rival.candidate.period is not None:
-                offsets = step.rival.offsets
-        kept, self.bench.offsets = self.bench.offsets, offsets
-        values = dict(polished(self.bench, values, names))
-        self.bench.offsets = kept
-        return values
-
-    def certain(
-        self, found: Search, steps: Sequence[Step]
-    ) -> tuple[list[_Proof], Mapping[str, float], Mapping[str, float], Drive]:
-        """Return what :meth:`proven` does of the findings whose sizes differ from none, and the drive of all recordings.
-
-        An effect that is there has much the same size in every recording; one that fits a chance of some has not, and its
-        interval, from the spread between recordings, holds its absence.
-        """
-        while True:
-            proofs, free, everything = self.proven(found, steps)
-            self.say("fitting all recordings")
-            drive = self.final(everything, [p.step for p in proofs])
-            steps = [p.step for p in proofs if _differs(p.step, drive)]
-            if len(steps) == len(proofs):
-                return proofs, free, everything, drive
-
-    def proven(
-        self, found: Search, steps: Sequence[Step]
-    ) -> tuple[list[_Proof], Mapping[str, float], Mapping[str, float]]:
-        """Return those of the findings that hold on recordings kept away, the free drive and the diagnosed one.
-
-        A finding holds if the drive with all findings predicts those recordings better than the drive refitted without it.
-        """
-        free = self.fitted(found, (), {})
-        steps = list(steps)
-        while True:
-            everything = self.fitted(found, steps, found.model.values) if steps else free
-            proofs = []
-            for step in steps:
-                others = [s for s in steps if s is not step]
-                without = self.fitted(found, others, found.model.values) if others else free
-                proofs.append(self.proof(step, without, everything))
-            failed = [p for p in proofs if not p.holds]
-            if not failed:
-                return proofs, free, everything
-            steps.remove(min(failed, key=lambda p: p.kept).step)
-
-    def proof(self, step: Step, without: Mapping[str, float], everything: Mapping[str, float]) -> _Proof:
-        kept = self.split.prove or self.split.learn
-        before, after, _ = total(velocity_fits(without, everything, kept, self.runs, self.pool, held_out=True))
-        low, high, _ = total(velocity_fits(without, everything, self.split.learn, self.runs, self.pool, held_out=False))
-        learnt, proven = (
-            gain_on(some, without, everything, self.pool, parts=self.split.parts) for some in (self.split.learn, kept)
-        )
-        return _Proof(step, before, after, 1.0 - (high / low) ** 2, learnt, proven)
-
-    def final(self, values: Mapping[str, float], steps: Sequence[Step]) -> Drive:
-        """Return the drive fitted to all open-loop recordings, with intervals from the spread between recordings."""
-        runs = (*self.split.learn, *self.split.prove)
-        bench = Workbench([prepare(r) for r in runs], self.pool)
-        bench.offsets = place(values, runs, self.pool)
-        names = [*self.names, *(k for s in steps for k in _keys(s))]
-        values = polished(bench, values, names)
-        c = Coordinates(names, values)
-        raw = bench.residual(values)
-        e = bench.comparable(raw)
-        J = bench.comparable(sensitivities(bench, c, c.of(values), values, raw))
-        covariance = _between_runs(bench, J, e)
-        gain = np.where(c.log, [values[n] for n in names], c.scale)
-        quantile = float(student.ppf(0.975, max(len(runs) - 1, 1)))
-        spread = quantile * np.sqrt(np.diag(covariance))
-        intervals = {
-            n: _interval(n, values[n], s, g, log=bool(on))
-            for n, s, g, on in zip(names, spread, gain, c.log, strict=True)
-        }
-        rig = {k: v for k, v in rig_parameters(self.runs).items() if k not in values}
-        return Drive(
-            {**rig, **values},
-            intervals,
-            Covariance(tuple(names), covariance * np.outer(gain, gain)),
-            Provenance(
-                "diagnosis", tuple(r.name for r in runs), __version__, "; ".join(s.rival.name[0] for s in steps)
-            ),
-            name="diagnosed drive",
-        )
-
-    def findings(self, proofs: Sequence[_Proof], drive: Drive) -> tuple[Finding, ...]:
+    def findings(self, proofs: Sequence[Proof], drive: Drive) -> tuple[Finding, ...]:
         result = []
         for proof in proofs:
             step = proof.step
             parameters = {
                 short(k): Estimate(drive[k], drive.intervals.get(k, (float("nan"), float("nan"))), unit_of(k))
-                for k in _keys(step)
+                for k in keys_of(step)
             }
-            parameters |= {short(k): Estimate(v, (v, v), unit_of(k)) for k, v in _held(step).items()}
+            parameters |= {short(k): Estimate(v, (v, v), unit_of(k)) for k, v in held_of(step).items()}
             # what is itself a finding is no other explanation
             ties = tuple(Named(*t.name) for t in step.ties if t.name not in {p.step.rival.name for p in proofs})
             id_, where = step.rival.name
@@ -425,60 +294,17 @@ def _never_negative(recordings: Sequence[Recording], channel: str) -> bool:
     return min(float(np.min(v)) for v in signals) > -_NEGATIVE * max(float(np.max(v)) for v in signals)
 
 
-def _keys(step: Step) -> tuple[str, ...]:
-    """Return the parameters of an effect that were fitted."""
-    return tuple(k for k in step.rival.candidate.keys if k in step.rival.fit.names)
-
-
-def _differs(step: Step, drive: Drive) -> bool:
-    """Whether the sizes of an effect together differ from none, by Hotelling's test at 5 % with the recordings as sample."""
-    sizes = [k for k, _ in step.rival.candidate.sizes if k in _keys(step) and np.isfinite(LAYOUT[k].parameter.null)]
-    if not sizes or drive.covariance is None:
-        return True
-    names = drive.covariance.names
-    i = [names.index(k) for k in sizes]
-    away = np.array([drive[k] - LAYOUT[k].parameter.null for k in sizes])
-    k, n = len(sizes), len(drive.provenance.recordings)
-    if n <= k + 1:
-        return True
-    distance = float(away @ np.linalg.pinv(drive.covariance.matrix[np.ix_(i, i)], hermitian=True) @ away)
-    return distance > k * (n - 1) / (n - k) * float(snedecor.ppf(0.95, k, n - k))
-
-
-def _held(step: Step) -> dict[str, float]:
-    """Return the parameters of an effect that were not fitted, because it is there or it is not."""
-    fit = step.rival.fit
-    if _keys(step):
-        return {}
-    return {k: fit.values[k] for k in step.rival.candidate.keys if k in fit.values}
-
-
-def _rivals(steps: Sequence[Step]) -> dict[str, list[dict[str, Any]]]:
-    """Return, per finding, the drives that explain the recordings as well: the finding's own and its ties'."""
+def _rivals(findings: Sequence[Finding], steps: Sequence[Step]) -> dict[str, list[dict[str, Any]]]:
+    """Return, per finding with ties, the drives that explain the recordings as well: its own first, then its ties'."""
+    tied = {(f.id, f.where): {(t.id, t.where) for t in f.ties} for f in findings if f.ties}
     return {
         "@".join(step.rival.name): [
-            {"id": r.name[0], "where": r.name[1], "values": dict(r.fit.values)} for r in (step.rival, *step.ties)
+            {"id": r.name[0], "where": r.name[1], "values": dict(r.fit.values)}
+            for r in (step.rival, *(t for t in step.ties if t.name in tied[step.rival.name]))
         ]
         for step in steps
-        if step.ties
+        if step.rival.name in tied
     }
-
-
-def _between_runs(bench: Workbench, J: FloatArray, e: FloatArray) -> FloatArray:
-    """Sandwich covariance with the recordings as clusters: what differs from run to run counts once a run."""
-    scores = np.array([J[bench.rows.of(r)].T @ e[bench.rows.of(r)] for r in range(len(bench.runs))])
-    inverse = np.linalg.pinv(J.T @ J, rcond=1e-12, hermitian=True)
-    n = len(scores)
-    return np.asarray(inverse @ (scores.T @ scores) @ inverse * (n / max(n - 1, 1)))
-
-
-def _interval(name: str, value: float, spread: float, gain: float, *, log: bool) -> tuple[float, float]:
-    if log:
-        return float(value * np.exp(-spread)), float(value * np.exp(min(spread, _UNKNOWN)))
-    low, high = value - spread * gain, value + spread * gain
-    if name in LAYOUT:
-        low, high = max(low, LAYOUT[name].parameter.lower), min(high, LAYOUT[name].parameter.upper)
-    return float(low), float(high)
 
 
 def located(maps: Sequence[Map]) -> tuple[Located, ...]:

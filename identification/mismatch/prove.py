@@ -17,7 +17,7 @@ from identification.floor import measure_floor
 from identification.mismatch.refit import refit
 from identification.mismatch.settle import absorb
 from identification.mismatch.verdict import RecordingFit
-from identification.mismatch.workbench import Workbench
+from identification.mismatch.workbench import View, Workbench
 from identification.output_error import prepare, simulate_run
 from identification.validation import simulate_like
 
@@ -110,8 +110,9 @@ def gain_on(
     pool: Executor,
     *,
     parts: bool,
+    view: View,
 ) -> float:
-    """Return the share of the comparable squared error of recordings that a drive removes of another's.
+    """Return the share of the squared error of recordings, in a view, that a drive removes of another's.
 
     Rough track and friction that differs from run to run are in both errors, often larger than what is to be proven; among
     comparable residuals they hardly count.
@@ -119,7 +120,7 @@ def gain_on(
     bench = Workbench([prepare(r) for r in recordings], pool, parts=parts)
     bench.offsets = place(everything, recordings, pool)
     absorb(bench, without)
-    before, after = (float(np.sum(bench.comparable(bench.residual(v)) ** 2)) for v in (without, everything))
+    before, after = (float(np.sum(bench.seen(view, bench.residual(v)) ** 2)) for v in (without, everything))
     return 1.0 - after / before
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from flexdrive_gym.drive.effects import LAYOUT
 from flexdrive_gym.drive.parameters import parameter
 from flexdrive_gym.recording import FloatArray
-from identification.mismatch.workbench import Workbench
+from identification.mismatch.workbench import View, Workbench
 
 _STEP = 2e-3
 
@@ -38,6 +38,8 @@ class Fit:
         Sum of squares of the weighted residual, which the fit minimised.
     residual
         The comparable residual, shape (N,).
+    minimised
+        The weighted residual, shape (N,).
     sensitivity
         Of the raw block residual to the free parameters' coordinates, shape (N, names) [mm/s].
     jacobian
@@ -49,8 +51,18 @@ class Fit:
     cost: float
     weighted: float
     residual: FloatArray
+    minimised: FloatArray
     sensitivity: FloatArray
     jacobian: FloatArray
+
+    def seen(self, view: View) -> FloatArray:
+        """Return the residual in a view, shape (N,)."""
+        return self.residual if view == "comparable" else self.minimised
+
+    def beside(self, other: Fit, view: View) -> float:
+        """Return the share of another fit's squared error in a view that this one is rid of."""
+        mine, its = (float(np.sum(f.seen(view) ** 2)) for f in (self, other))
+        return 1.0 - mine / its
 
 
 class Coordinates:
@@ -198,7 +210,8 @@ def judged(
             e = e + J[:, use] @ step
             break
         use[np.flatnonzero(use)[out]] = False
-    return Fit(values, c.names, float(e @ e), float(np.sum(bench.weighted(raw) ** 2)), e, sensitivity, J)
+    plain = bench.weighted(raw)
+    return Fit(values, c.names, float(e @ e), float(plain @ plain), e, plain, sensitivity, J)
 
 
 def _is_shape(name: str) -> bool:

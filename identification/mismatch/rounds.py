@@ -14,7 +14,7 @@ from identification.mismatch.candidates import Candidate, bounds, catalogue
 from identification.mismatch.chance import Chance, chance, null_residuals
 from identification.mismatch.refit import Fit, refit
 from identification.mismatch.screening import Screened, orthonormal, screen
-from identification.mismatch.workbench import Workbench
+from identification.mismatch.workbench import View, Workbench
 from identification.topology import Topology
 
 Progress = Callable[[str], None]
@@ -25,6 +25,8 @@ LEVEL, LEAST_GAIN = 0.01, 0.02
 _BATCH = 48
 _REFITS = 5
 _SECOND_STARTS = 1
+# of the greatest surprise among plain residuals: what comes this near is refitted, too
+_NEARLY = 0.5
 # waves within the way that make a repetition
 _WAVES = 1.5
 
@@ -41,8 +43,10 @@ class Rival:
         The joint refit.
     offsets
         Where every run began along the track [mm], modulo the period.
+    gains
+        Share of the stage's squared error that the refit removed, in every view.
     gain
-        Share of the stage's comparable squared error that the refit removed.
+        The same in the view of the stage.
     probability
         False-alarm probability of that gain in a search over the whole catalogue.
     """
@@ -50,7 +54,8 @@ class Rival:
     screened: Screened
     fit: Fit
     offsets: FloatArray
-    gain: float
+    gains: tuple[float, ...]
+    gain: float = 0.0
     probability: float = 1.0
 
     @property
@@ -76,8 +81,10 @@ class Stage:
         Refitted candidates: first those that chance would not reach, each part by gain.
     screened
         Best entry of every effect and place, best first.
+    view
+        In which something stands out most from chance.
     null
-        Comparable residuals of the null draws, shape (N, draws).
+        Raw residuals of the null draws, shape (N, draws).
     runs
         Rows of every recording.
     """
@@ -85,31 +92,27 @@ class Stage:
     before: Fit
     rivals: tuple[Rival, ...]
     screened: tuple[Screened, ...]
+    view: View
     null: FloatArray = field(repr=False)
     runs: tuple[slice, ...] = field(repr=False)
 
     def behind(self, rival: Rival, best: Rival, draws: int = 999) -> float:
         """Return the probability that a rival is as good as another one, by their costs in the same recordings, resampled."""
-        cost = [[float(np.sum(r.fit.residual[rows] ** 2)) for rows in self.runs] for r in (rival, best)]
+        cost = [[float(np.sum(r.fit.seen(self.view)[rows] ** 2)) for rows in self.runs] for r in (rival, best)]
         worse = np.array(cost[0]) - np.array(cost[1])
         pick = np.random.default_rng(draws).integers(0, len(worse), (draws, len(worse)))
         return float(np.mean(worse[pick].sum(axis=1) <= 0.0))
-
-    @property
-    def probability(self) -> float:
-        """False-alarm probability of the first rival."""
-        return self.rivals[0].probability if self.rivals else 1.0
 
 
 def directions(
     bench: Workbench, candidates: Sequence[Candidate], values: Mapping[str, float], raw: FloatArray
 ) -> list[FloatArray]:
-    """Return every candidate's comparable columns."""
+    """Return, per candidate, the change of the raw residual as each size goes from null to its start, shape (N, sizes)."""
     jobs = [(i, drive) for i, candidate in enumerate(candidates) for drive in candidate.directions(values)]
     columns: list[list[FloatArray]] = [[] for _ in candidates]
     for begin in range(0, len(jobs), _BATCH):
         part = jobs[begin : begin + _BATCH]
-        found = bench.comparable(bench.residuals([drive for _, drive in part]) - raw[:, None])
+        found = bench.residuals([drive for _, drive in part]) - raw[:, None]
         for (i, _), column in zip(part, found.T, strict=True):
             columns[i].append(column)
     return [np.column_stack(c) for c in columns]
@@ -142,17 +145,15 @@ def stage(
     known = [n for n in model.values if n in LAYOUT]
     candidates = catalogue(topology, known, shapes)
     say(f"screening {len(candidates)} candidates")
-    present = orthonormal(model.jacobian)
-    e = model.residual - present @ (present.T @ model.residual)
     columns = directions(bench, candidates, model.values, raw)
-    screened = list(
-        bench.pool.map(lambda pair: screen(bench, pair[0], pair[1], e, present), zip(candidates, columns, strict=True))
-    )
+    views = {view: screened_in(bench, view, model, candidates, columns) for view in bench.views}
+    del columns
     null = null_residuals(bench, model.values, rng)
-    luck = chance(bench, screened, null, present)
+    luck = chance(bench, views, null, model)
+    screened = views["comparable"]
     leaders = best_of_each(screened)
     tried = []
-    chosen = _to_refit(screened, leaders, luck)
+    chosen = _to_refit(views, leaders, luck)
     chosen += [s for s in screened if s.candidate.name in starts and not any(s is c for c in chosen)]
     for s in chosen:
         say(f"refitting with {s.candidate.id} ({s.candidate.where})")
@@ -161,10 +162,38 @@ def stage(
     for r in (r for r in tried if _repeats(bench, r)):
         if r.name not in best or r.fit.cost < best[r.name].fit.cost:
             best[r.name] = r
-    judged = [replace(r, probability=luck.probability(r.name, max(r.gain, r.screened.gain))) for r in best.values()]
-    order = sorted(judged, key=lambda r: (not passes(r), r.fit.cost))
+    prospects = _prospects(views)
+    seen = {n: np.maximum(r.gains, prospects[n]) for n, r in best.items()}
+    odds = {n: luck.surprise(n, gains) for n, gains in seen.items()}
+    where = int(np.argmax(np.max(list(odds.values()), axis=0))) if odds else 0
+    judged = [replace(r, gain=r.gains[where], probability=luck.probability(n, seen[n])) for n, r in best.items()]
+    order = sorted(judged, key=lambda r: (not passes(r), -r.gain))
     runs = tuple(bench.rows.of(i) for i in range(len(bench.runs)))
-    return Stage(model, tuple(order), tuple(leaders), null, runs)
+    return Stage(model, tuple(order), tuple(leaders), bench.views[where], null, runs)
+
+
+def screened_in(
+    bench: Workbench, view: View, model: Fit, candidates: Sequence[Candidate], columns: Sequence[FloatArray]
+) -> list[Screened]:
+    """Screen every candidate in one view; ``columns`` as from :func:`directions`."""
+    present = orthonormal(bench.seen(view, model.sensitivity))
+    e = model.seen(view)
+    e = e - present @ (present.T @ e)
+
+    def one(pair: tuple[Candidate, FloatArray]) -> Screened:
+        return screen(bench, pair[0], bench.seen(view, pair[1]), e, present)
+
+    return list(bench.pool.map(one, zip(candidates, columns, strict=True)))
+
+
+def _prospects(views: Mapping[View, Sequence[Screened]]) -> dict[tuple[str, str], FloatArray]:
+    """Return the linear gain of every effect and place in every view."""
+    found: dict[tuple[str, str], FloatArray] = {}
+    for i, entries in enumerate(views.values()):
+        for s in entries:
+            gains = found.setdefault(s.candidate.name, np.zeros(len(views)))
+            gains[i] = max(gains[i], s.gain)
+    return found
 
 
 def _repeats(bench: Workbench, rival: Rival) -> bool:
@@ -184,11 +213,21 @@ def passes(rival: Rival) -> bool:
     return rival.probability <= LEVEL and rival.gain >= LEAST_GAIN
 
 
-def _to_refit(screened: Sequence[Screened], leaders: Sequence[Screened], luck: Chance) -> list[Screened]:
+def _to_refit(views: Mapping[View, Sequence[Screened]], leaders: Sequence[Screened], luck: Chance) -> list[Screened]:
     """The leaders in gain and in surprise, other starts for the first of them, and what is known to look like them."""
+    screened = views["comparable"]
     chosen = list(leaders[:_REFITS])
-    surprising = sorted(leaders, key=lambda s: -luck.surprise(s.candidate.name, s.gain))
-    chosen += [s for s in surprising[:3] if not any(s is c for c in chosen)]
+    prospects = _prospects(views)
+    for i, entries in enumerate(views.values()):
+        best = best_of_each(entries)
+        surprise = {s.candidate.name: luck.surprise(s.candidate.name, prospects[s.candidate.name])[i] for s in best}
+        first = sorted(best, key=lambda s: -surprise[s.candidate.name])
+        if i == 0:
+            surprising = first
+        # forces that all runs share resemble one another
+        near = [s for s in first if surprise[s.candidate.name] > _NEARLY * max(1.0, surprise[first[0].candidate.name])]
+        names = {c.candidate.name for c in chosen}
+        chosen += [s for s in (first[:3] if i == 0 else near[:_REFITS]) if s.candidate.name not in names]
     alike: set[str] = set()
     for s in (*leaders[:2], *surprising[:1]):
         alike |= {i for e in EFFECTS if e.id == s.candidate.id for i in e.looks_like}
@@ -208,7 +247,7 @@ def _rival(
     if known is not None:
         # its own parameters stay as given: a sensor loses the sign or it does not
         fit = refit(bench, {**model.values, **known}, model.names, iterations=12)
-        return Rival(s, fit, bench.offsets, 1.0 - fit.cost / model.cost)
+        return Rival(s, fit, bench.offsets, tuple(fit.beside(model, view) for view in bench.views))
     start = {**model.values, **dict(c.shapes)}
     for (key, _), size in zip(c.sizes, s.sizes, strict=True):
         low, high = bounds(key)
@@ -230,8 +269,8 @@ def _rival(
         again = refit(bench, fit.values, (*model.names, *keys), iterations=3, fresh=keys, known=model)
         fit = min(fit, again, key=lambda f: f.cost)
     offsets, bench.offsets = bench.offsets, here
-    gain = 1.0 - fit.cost / model.cost if fit.weighted <= model.weighted else 0.0
-    return Rival(s, fit, offsets, gain)
+    better = fit.weighted <= model.weighted
+    return Rival(s, fit, offsets, tuple(fit.beside(model, view) if better else 0.0 for view in bench.views))
 
 
 def _align(bench: Workbench, model: Fit, c: Candidate, start: dict[str, float], raw: FloatArray) -> tuple[str, ...]:
@@ -240,7 +279,7 @@ def _align(bench: Workbench, model: Fit, c: Candidate, start: dict[str, float], 
     shape = tuple((k, start[k]) for k, _ in c.shapes)
     step = dict(c.sizes)[sin]
     probe = Candidate(c.id, c.where, ((sin, step), (cos, step)), shape)
-    columns = directions(bench, [probe], model.values, raw)[0]
+    columns = bench.comparable(directions(bench, [probe], model.values, raw)[0])
     present = orthonormal(model.jacobian)
     columns -= present @ (present.T @ columns)
     e = model.residual - present @ (present.T @ model.residual)

@@ -11,6 +11,7 @@ What chance reaches is told by :mod:`chance <identification.mismatch.chance>`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,6 +22,8 @@ from identification.mismatch.candidates import Candidate, switch
 from identification.mismatch.workbench import Workbench
 
 _SMALLEST = 1e-3
+# candidates whose columns are held side by side
+_TOGETHER = 32
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,12 +58,33 @@ class Screened:
         With one amplitude and the best phase in every run r that is, with :math:`W` the waves,
         :math:`(\sum_r |W_r^T \varepsilon_r|)^2 / \sum_r \tfrac12 \|W_r\|^2`.
         """
-        found = np.sum((self.basis.T @ residual) ** 2, axis=0)
-        if not self.waves.shape[1]:
-            return np.asarray(found)
-        rows = [bench.rows.of(r) for r in range(len(bench.runs))]
-        along = sum(np.linalg.norm(self.waves[i].T @ residual[i], axis=0) for i in rows)
-        return np.asarray(found + along**2 / max(0.5 * float(np.sum(self.waves**2)), 1e-300))
+        return explained(bench, [self], residual)[0]
+
+
+def explained(bench: Workbench, screened: Sequence[Screened], residual: FloatArray) -> list[FloatArray]:
+    """Return what :meth:`Screened.explains` does for each of many candidates: residuals are read once for all of them."""
+    found: list[FloatArray] = []
+    for begin in range(0, len(screened), _TOGETHER):
+        some = screened[begin : begin + _TOGETHER]
+        columns = np.hstack([half for s in some for half in (s.basis, s.waves)])
+        together: FloatArray = np.zeros((columns.shape[1], *residual.shape[1:]))
+        squares: FloatArray = np.zeros_like(together)
+        lengths = np.zeros((len(some), *residual.shape[1:]))
+        edges = np.cumsum([0, *(n for s in some for n in (s.basis.shape[1], s.waves.shape[1]))])
+        waves = [slice(edges[2 * i + 1], edges[2 * i + 2]) for i in range(len(some))]
+        for r in range(len(bench.runs)):
+            rows = bench.rows.of(r)
+            part = columns[rows].T @ residual[rows]
+            together += part
+            np.square(part, out=squares)
+            for i, own in enumerate(waves):
+                if own.stop > own.start:
+                    lengths[i] += np.sqrt(squares[own].sum(axis=0))
+        for i, s in enumerate(some):
+            basis = together[edges[2 * i] : edges[2 * i + 1]]
+            power = max(0.5 * float(np.sum(s.waves**2)), 1e-300)
+            found.append(np.asarray(np.sum(basis**2, axis=0) + lengths[i] ** 2 / power))
+    return found
 
 
 def orthonormal(columns: FloatArray) -> FloatArray:

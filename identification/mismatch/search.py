@@ -10,10 +10,9 @@ import numpy as np
 from identification.mismatch.chance import chance
 from identification.mismatch.refit import Fit
 from identification.mismatch.rounds import Progress, Rival, Stage, Starts, passes, stage
-from identification.mismatch.screening import orthonormal
 from identification.mismatch.settle import settle
 from identification.mismatch.shapes import Shape, free_shapes
-from identification.mismatch.workbench import Workbench
+from identification.mismatch.workbench import View, Workbench
 from identification.topology import Topology
 
 # once something is certainly left out, which effect it is is decided among all that chance would reach more rarely than this
@@ -40,22 +39,20 @@ class Step:
         Others that these recordings cannot tell from it.
     probability
         False-alarm probability.
-    rms_before, rms_after
-        Of the block residuals in the recordings learnt from [mm/s].
+    view
+        In which it was found.
     """
 
     rival: Rival
     ties: tuple[Rival, ...]
     probability: float
-    rms_before: float
-    rms_after: float
+    view: View
 
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """All rounds: the baseline, what was taken up, and where it ended."""
+    """All rounds: what was taken up, and where it ended."""
 
-    baseline: Fit
     steps: tuple[Step, ...]
     model: Fit
     stages: tuple[Stage, ...] = field(repr=False)
@@ -96,7 +93,7 @@ def search(
         than motion spoils every fit that does not know of it.
     """
     starts = starts or {}
-    first = model = settle(bench, values, topology.free)
+    model = settle(bench, values, topology.free)
     steps: list[Step] = []
     stages: list[Stage] = []
     while True:
@@ -108,23 +105,22 @@ def search(
         best = _choose(now, drive_level)
         if best is None or len(steps) == MOST_EFFECTS:
             break
-        before = rms(bench, model.values)
         bench.offsets = best.offsets
         model = settle(bench, best.fit.values, best.fit.names)
         ties = tuple(r for r in now.rivals if r is not best and _ties(now, r, best))
-        steps.append(Step(best, ties[:3], best.probability, before, rms(bench, model.values)))
+        steps.append(Step(best, ties[:3], best.probability, now.view))
         say(f"found: {best.name[0]} at {best.name[1]}")
     if len(stages) > 1:
         say("free shapes")
         shapes_found = _shapes(bench, stages[-1])
-    return Search(first, tuple(steps), model, tuple(stages), first_shapes, shapes_found)
+    return Search(tuple(steps), model, tuple(stages), first_shapes, shapes_found)
 
 
 def _shapes(bench: Workbench, stage: Stage) -> tuple[Shape, ...]:
     """Free shapes on the model before a stage, with their false-alarm probabilities."""
     shapes = free_shapes(bench, stage.before)
-    luck = chance(bench, [s.screened for s in shapes], stage.null, orthonormal(stage.before.jacobian))
-    return tuple(replace(s, probability=luck.probability(s.screened.candidate.name, s.gain)) for s in shapes)
+    luck = chance(bench, {"comparable": [s.screened for s in shapes]}, stage.null, stage.before)
+    return tuple(replace(s, probability=luck.probability(s.screened.candidate.name, [s.gain])) for s in shapes)
 
 
 def _choose(now: Stage, drive_level: float) -> Rival | None:
@@ -144,7 +140,7 @@ def _choose(now: Stage, drive_level: float) -> Rival | None:
         return plain
     # of what cannot be told apart, the explanation with the fewest numbers
     equals = [r for r in likely if r is best or _ties(now, r, best)]
-    return min(equals, key=lambda r: (len(r.fit.names), r.fit.cost))
+    return min(equals, key=lambda r: (len(r.fit.names), -r.gain))
 
 
 def _ties(now: Stage, rival: Rival, best: Rival) -> bool:
@@ -164,9 +160,3 @@ def _rough(rival: Rival, drive_level: float) -> bool:
     if rival.candidate.id != "position_friction":
         return False
     return along_track(rival.fit.values, rival.candidate.where) < ROUGHNESS * drive_level
-
-
-def rms(bench: Workbench, values: Mapping[str, float]) -> float:
-    """Return the rms of the block residuals over valid blocks [mm/s]."""
-    e = bench.residual(values)[bench.rows.valid]
-    return float(np.sqrt(np.mean(e**2)))

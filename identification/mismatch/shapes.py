@@ -20,12 +20,12 @@ from flexdrive_gym.recording import FloatArray
 from identification.mismatch.candidates import Candidate
 from identification.mismatch.refit import Fit
 from identification.mismatch.screening import Screened, orthonormal
+from identification.mismatch.surroundings import against
 from identification.mismatch.workbench import Workbench
 from identification.output_error import Run, simulate_run
 
 KNOTS = 7
 _SIZE_V = 0.05
-_RESTING = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +119,7 @@ def _motion(model: Fit, run: Run) -> _Motion:
 
 def _families(forces: Sequence[_Motion], cart: int) -> list[tuple[int, str, list[FloatArray], list[FloatArray]]]:
     ones = [np.ones_like(f.t) for f in forces]
-    direction = [-np.where(np.abs(f.v[cart]) > _RESTING, np.sign(f.v[cart]), 0.0) for f in forces]
+    direction = [against(f.v[cart]) for f in forces]
     own = cart + 1
     found = [
         (cart, f"v{own}", [f.v[cart] for f in forces], ones),

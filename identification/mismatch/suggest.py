@@ -90,8 +90,8 @@ def command(kind: Kind, amplitude: float, frequency: float) -> tuple[FloatArray,
     return t, chirp(t, amplitude, 0.1, frequency, DURATION_S)
 
 
-def rivals(diagnosis: Diagnosis) -> dict[str, Drive]:
-    """Return the drives that the diagnosed one has to be told from, by what separates them.
+def rivals(diagnosis: Diagnosis) -> dict[str, tuple[Drive, Drive]]:
+    """Return pairs of drives that are to be told apart, by their names: a finding's and a tie's, refitted in the same round.
 
     Raises
     ------
@@ -99,10 +99,10 @@ def rivals(diagnosis: Diagnosis) -> dict[str, Drive]:
         If a rival's parameters are not those of a drive.
     """
     found = {}
-    for finding, others in dict(diagnosis.extra.get("rivals", {})).items():
+    for finding, (own, *others) in dict(diagnosis.extra.get("rivals", {})).items():
         for other in others:
             name = f"{finding} or {other['id']}@{other['where']}"
-            found[name] = Drive(dict(other["values"]), name=name)
+            found[name] = Drive(dict(own["values"]), name=finding), Drive(dict(other["values"]), name=name)
     return found
 
 
@@ -117,13 +117,13 @@ def suggest_experiments(diagnosis: Diagnosis, *, most: int = 3) -> tuple[Suggest
     tuple of Suggestion
         Empty where there are no rivals.
     """
-    others = rivals(diagnosis)
-    if not others:
+    pairs = rivals(diagnosis)
+    if not pairs:
         return ()
     floor = diagnosis.floor_rms if math.isfinite(diagnosis.floor_rms) else _USUAL_FLOOR
     judged = []
     for kind, amplitude, frequency in _excitations():
-        separation = _separation(diagnosis.drive, others, kind, amplitude, frequency, floor)
+        separation = _separation(pairs, kind, amplitude, frequency, floor)
         if separation is not None:
             judged.append((min(separation.values()), kind, amplitude, frequency, separation))
     judged.sort(key=lambda item: -item[0])
@@ -147,17 +147,14 @@ def _excitations() -> Iterator[tuple[Kind, float, float]]:
 
 
 def _separation(
-    drive: Drive, others: Mapping[str, Drive], kind: Kind, amplitude: float, frequency: float, floor: float
+    pairs: Mapping[str, tuple[Drive, Drive]], kind: Kind, amplitude: float, frequency: float, floor: float
 ) -> dict[str, float] | None:
-    """Return the difference to every rival in multiples of the floor, or ``None`` where a cart would leave the track."""
+    """Return the difference within every pair in multiples of the floor, or ``None`` where a cart would leave the track."""
     t, u = command(kind, amplitude, frequency)
-    ours = _velocities(drive, t, u)
-    if ours is None:
-        return None
     found = {}
-    for name, other in others.items():
-        theirs = _velocities(other, t, u)
-        if theirs is None:
+    for name, (own, other) in pairs.items():
+        ours, theirs = _velocities(own, t, u), _velocities(other, t, u)
+        if ours is None or theirs is None:
             return None
         found[name] = float(np.sqrt(np.mean((ours - theirs) ** 2))) / floor
     return found

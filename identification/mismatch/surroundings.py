@@ -25,7 +25,8 @@ WAVES_MM = (8.0, 12.0, 18.0, 27.0, 40.0, 60.0, 90.0)
 KNOT_S = 2.0
 # relative to the Coulomb level, relative to it, and [V]; the latter two per wave
 WANDER, ROUGH, HILLS_V = 0.04, 0.03, 0.004
-_RESTING = 5.0
+# slower than this [mm/s] a cart may rest
+_RESTING, _SMOOTH_S = 5.0, 0.004
 _LEAST_LEVEL_V = 0.05
 
 Forces = Callable[[], Sequence[FloatArray]]
@@ -46,21 +47,29 @@ def surroundings(bench: Workbench, values: Mapping[str, float]) -> tuple[list[Fo
     forces: list[Forces] = []
     sizes: list[float] = []
     for c in range(len(bench.runs[0].keep)):
-        against = _against_motion(bench, c, max(values.get(f"d{c + 1}", 0.0), _LEAST_LEVEL_V))
+        level = dry_level(values, c)
+        friction = [level * against(v) for v in speeds(bench, c)]
         waves = [partial(_wave, bench, c, length, turn) for length in WAVES_MM for turn in (0.0, 0.5 * np.pi)]
         ones = [np.ones(len(run.u)) for run in bench.runs]
-        for shapes, direction, size in ((hats, against, WANDER), (waves, against, ROUGH), (waves, ones, HILLS_V)):
+        for shapes, direction, size in ((hats, friction, WANDER), (waves, friction, ROUGH), (waves, ones, HILLS_V)):
             forces += [partial(_on_cart, c, direction, shape) for shape in shapes]
             sizes += [size] * len(shapes)
     return forces, sizes
 
 
-def _against_motion(bench: Workbench, c: int, level: float) -> list[FloatArray]:
-    found = []
-    for run in bench.runs:
-        v = gaussian_filter1d(run.measured[c], 0.004 / run.sample_time)
-        found.append(-level * np.where(np.abs(v) > _RESTING, np.sign(v), 0.0))
-    return found
+def speeds(bench: Workbench, c: int) -> list[FloatArray]:
+    """Return a cart's measured velocity without the noise that would turn its sign [mm/s], per recording."""
+    return [gaussian_filter1d(run.measured[c], _SMOOTH_S / run.sample_time) for run in bench.runs]
+
+
+def against(v: FloatArray) -> FloatArray:
+    """Return the direction of dry friction at a velocity [mm/s]: -1, 1, or 0 where it may rest."""
+    return np.asarray(-np.where(np.abs(v) > _RESTING, np.sign(v), 0.0))
+
+
+def dry_level(values: Mapping[str, float], c: int) -> float:
+    """Return a cart's dry friction in motion [V]; never nothing, for no rig is without."""
+    return max(values.get(f"d{c + 1}", 0.0) + values.get(f"presliding.cart_{c + 1}.fd", 0.0), _LEAST_LEVEL_V)
 
 
 def _hat(bench: Workbench, at: float, r: int) -> FloatArray:

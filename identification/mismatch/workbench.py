@@ -10,6 +10,9 @@ run, and so does the slope of the track, for a run may begin anywhere; the track
 within the prior :math:`N(0, S)`, so :math:`\varepsilon_r^T (I + D_r S D_r^T)^{-1} \varepsilon_r` replaces the sum of squares
 (N. M. Laird, J. H. Ware, Random-effects models for longitudinal data, Biometrics 38, 1982). A small effect hides among such
 errors; a fit does not need that freedom, with which a drive's own friction would hardly be determined.
+
+A candidate is looked at in both *views*, among weighted and among comparable residuals. A force that is the same in all runs is
+seen best among the first, for every single run might have had it by itself; most others among the second.
 """
 
 from __future__ import annotations
@@ -17,11 +20,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 from flexdrive_gym.recording import BoolArray, FloatArray
 from identification.output_error import Run, simulate_run
+
+View = Literal["comparable", "weighted"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,6 +189,15 @@ class Workbench:
     def weighted(self, x: FloatArray) -> FloatArray:
         """Weight residuals or sensitivities, shape (N,) or (N, k)."""
         return np.asarray(x * (self.weights if x.ndim == 1 else self.weights[:, None]))
+
+    @property
+    def views(self) -> tuple[View, ...]:
+        """The ways of looking at residuals that differ, the one for most questions first."""
+        return ("comparable", "weighted") if self._absorbed else ("comparable",)
+
+    def seen(self, view: View, x: FloatArray) -> FloatArray:
+        """Return raw residuals or sensitivities, shape (N,) or (N, k), in a view."""
+        return self.comparable(x) if view == "comparable" else self.weighted(x)
 
     def set_random_effects(self, directions: FloatArray, residual: FloatArray, priors: Sequence[Prior]) -> None:
         """Let the runs differ along the given weighted directions; estimate by how much.

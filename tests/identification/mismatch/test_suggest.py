@@ -14,7 +14,14 @@ THEIRS = {**RIG, "quadratic_drag.cart_1.c": 3e-6}
 FOUND = diagnosis(
     drive=Drive(OURS),
     floor_rms=2.5,
-    extra={"rivals": {"stribeck@cart_1": [{"id": "quadratic_drag", "where": "cart_1", "values": THEIRS}]}},
+    extra={
+        "rivals": {
+            "stribeck@cart_1": [
+                {"id": "stribeck", "where": "cart_1", "values": OURS},
+                {"id": "quadratic_drag", "where": "cart_1", "values": THEIRS},
+            ]
+        }
+    },
 )
 
 

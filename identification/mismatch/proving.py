@@ -1,0 +1,224 @@
+"""Which findings stand: on recordings that the search never saw, and by how alike their sizes are in all recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import f as snedecor
+from scipy.stats import t as student
+
+from flexdrive_gym import Covariance, Drive, Provenance, __version__
+from flexdrive_gym.drive.effects import LAYOUT
+from flexdrive_gym.recording import FloatArray, Recording
+from identification.methods import rig_parameters
+from identification.mismatch.prove import gain_on, place, polished, total, velocity_fits
+from identification.mismatch.refit import Coordinates, sensitivities
+from identification.mismatch.rounds import Progress
+from identification.mismatch.search import Search, Step
+from identification.mismatch.split import Split
+from identification.mismatch.workbench import Workbench
+from identification.output_error import prepare
+from identification.topology import Topology
+
+# a finding must cut the comparable squared error by this share where it was learnt, and by this one in recordings kept away
+_LEARNT, _PROVEN = 0.01, 0.004
+# and must not raise their plain rms, rough track and all, by more than this factor
+_WORSE = 1.005
+# a logarithm this uncertain says nothing, and its exponential is still a number
+_UNKNOWN = 300.0
+
+
+@dataclass(frozen=True, eq=False)
+class Proof:
+    """A finding, and the drive refitted without it against the drive with all.
+
+    Attributes
+    ----------
+    before, after
+        Rms on recordings kept away [mm/s].
+    share
+        Of the squared error of recordings learnt from that it removes.
+    learnt, kept
+        Share of the comparable squared error that it removes, in recordings learnt from and kept away.
+    """
+
+    step: Step
+    before: float
+    after: float
+    share: float
+    learnt: float
+    kept: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether the finding stands."""
+        return self.learnt > _LEARNT and self.kept > _PROVEN and self.after < _WORSE * self.before
+
+
+class Proving:
+    """Findings on trial.
+
+    Parameters
+    ----------
+    bench
+        The recordings learnt from.
+    free
+        The free fit's parameters.
+    """
+
+    def __init__(
+        self,
+        runs: Sequence[Recording],
+        split: Split,
+        topology: Topology,
+        free: Mapping[str, float],
+        bench: Workbench,
+        pool: Executor,
+        say: Progress,
+    ) -> None:
+        self.runs, self.split, self.topology, self.names = runs, split, topology, topology.free
+        self.free, self.bench, self.pool, self.say = free, bench, pool, say
+
+    def fitted(self, found: Search, steps: Sequence[Step], start: Mapping[str, float]) -> Mapping[str, float]:
+        """Return the drive with these findings, fitted to what was learnt from."""
+        names = list(self.names)
+        values = {
+            **self.topology.fixed,
+            **{k: start.get(k, self.free.get(k, 0.0)) for k in self.names},
+        }
+        offsets = np.zeros(len(self.bench.runs))
+        for step in steps:
+            names += keys_of(step)
+            values |= {k: start.get(k, found.model.values[k]) for k in (*keys_of(step), *held_of(step))}
+            if step.rival.candidate.period is not None:
+                offsets = step.rival.offsets
+        kept, self.bench.offsets = self.bench.offsets, offsets
+        values = dict(polished(self.bench, values, names))
+        self.bench.offsets = kept
+        return values
+
+    def certain(
+        self, found: Search, steps: Sequence[Step]
+    ) -> tuple[list[Proof], Mapping[str, float], Mapping[str, float], Drive]:
+        """Return what :meth:`proven` does of the findings whose sizes differ from none, and the drive of all recordings.
+
+        An effect that is there has much the same size in every recording; one that fits a chance of some has not, and its
+        interval, from the spread between recordings, holds its absence.
+        """
+        while True:
+            proofs, free, everything = self.proven(found, steps)
+            self.say("fitting all recordings")
+            drive = self.final(everything, [p.step for p in proofs])
+            steps = [p.step for p in proofs if _differs(p.step, drive)]
+            if len(steps) == len(proofs):
+                return proofs, free, everything, drive
+
+    def proven(
+        self, found: Search, steps: Sequence[Step]
+    ) -> tuple[list[Proof], Mapping[str, float], Mapping[str, float]]:
+        """Return those of the findings that hold on recordings kept away, the free drive and the diagnosed one.
+
+        A finding holds if the drive with all findings predicts those recordings better than the drive refitted without it.
+        """
+        free = self.fitted(found, (), {})
+        steps = list(steps)
+        while True:
+            everything = self.fitted(found, steps, found.model.values) if steps else free
+            proofs = []
+            for step in steps:
+                others = [s for s in steps if s is not step]
+                without = self.fitted(found, others, found.model.values) if others else free
+                proofs.append(self.proof(step, without, everything))
+            failed = [p for p in proofs if not p.holds]
+            if not failed:
+                return proofs, free, everything
+            steps.remove(min(failed, key=lambda p: p.kept).step)
+
+    def proof(self, step: Step, without: Mapping[str, float], everything: Mapping[str, float]) -> Proof:
+        """Return what a finding removes: ``without`` is the drive refitted without it, ``everything`` that with all."""
+        kept = self.split.prove or self.split.learn
+        before, after, _ = total(velocity_fits(without, everything, kept, self.runs, self.pool, held_out=True))
+        low, high, _ = total(velocity_fits(without, everything, self.split.learn, self.runs, self.pool, held_out=False))
+        learnt, proven = (
+            gain_on(some, without, everything, self.pool, parts=self.split.parts, view=step.view)
+            for some in (self.split.learn, kept)
+        )
+        return Proof(step, before, after, 1.0 - (high / low) ** 2, learnt, proven)
+
+    def final(self, values: Mapping[str, float], steps: Sequence[Step]) -> Drive:
+        """Return the drive fitted to all open-loop recordings, with intervals from the spread between recordings."""
+        runs = (*self.split.learn, *self.split.prove)
+        bench = Workbench([prepare(r) for r in runs], self.pool)
+        bench.offsets = place(values, runs, self.pool)
+        names = [*self.names, *(k for s in steps for k in keys_of(s))]
+        values = polished(bench, values, names)
+        c = Coordinates(names, values)
+        raw = bench.residual(values)
+        e = bench.comparable(raw)
+        J = bench.comparable(sensitivities(bench, c, c.of(values), values, raw))
+        covariance = _between_runs(bench, J, e)
+        gain = np.where(c.log, [values[n] for n in names], c.scale)
+        quantile = float(student.ppf(0.975, max(len(runs) - 1, 1)))
+        spread = quantile * np.sqrt(np.diag(covariance))
+        intervals = {
+            n: _interval(n, values[n], s, g, log=bool(on))
+            for n, s, g, on in zip(names, spread, gain, c.log, strict=True)
+        }
+        rig = {k: v for k, v in rig_parameters(self.runs).items() if k not in values}
+        return Drive(
+            {**rig, **values},
+            intervals,
+            Covariance(tuple(names), covariance * np.outer(gain, gain)),
+            Provenance(
+                "diagnosis", tuple(r.name for r in runs), __version__, "; ".join(s.rival.name[0] for s in steps)
+            ),
+            name="diagnosed drive",
+        )
+
+
+def keys_of(step: Step) -> tuple[str, ...]:
+    """Return the parameters of an effect that were fitted."""
+    return tuple(k for k in step.rival.candidate.keys if k in step.rival.fit.names)
+
+
+def held_of(step: Step) -> dict[str, float]:
+    """Return the parameters of an effect that were not fitted, because it is there or it is not."""
+    fit = step.rival.fit
+    if keys_of(step):
+        return {}
+    return {k: fit.values[k] for k in step.rival.candidate.keys if k in fit.values}
+
+
+def _differs(step: Step, drive: Drive) -> bool:
+    """Whether the sizes of an effect together differ from none, by Hotelling's test at 5 % with the recordings as sample."""
+    sizes = [k for k, _ in step.rival.candidate.sizes if k in keys_of(step) and np.isfinite(LAYOUT[k].parameter.null)]
+    if not sizes or drive.covariance is None:
+        return True
+    names = drive.covariance.names
+    i = [names.index(k) for k in sizes]
+    away = np.array([drive[k] - LAYOUT[k].parameter.null for k in sizes])
+    k, n = len(sizes), len(drive.provenance.recordings)
+    if n <= k + 1:
+        return True
+    distance = float(away @ np.linalg.pinv(drive.covariance.matrix[np.ix_(i, i)], hermitian=True) @ away)
+    return distance > k * (n - 1) / (n - k) * float(snedecor.ppf(0.95, k, n - k))
+
+
+def _between_runs(bench: Workbench, J: FloatArray, e: FloatArray) -> FloatArray:
+    """Sandwich covariance with the recordings as clusters: what differs from run to run counts once a run."""
+    scores = np.array([J[bench.rows.of(r)].T @ e[bench.rows.of(r)] for r in range(len(bench.runs))])
+    inverse = np.linalg.pinv(J.T @ J, rcond=1e-12, hermitian=True)
+    n = len(scores)
+    return np.asarray(inverse @ (scores.T @ scores) @ inverse * (n / max(n - 1, 1)))
+
+
+def _interval(name: str, value: float, spread: float, gain: float, *, log: bool) -> tuple[float, float]:
+    if log:
+        return float(value * np.exp(-spread)), float(value * np.exp(min(spread, _UNKNOWN)))
+    low, high = value - spread * gain, value + spread * gain
+    if name in LAYOUT:
+        low, high = max(low, LAYOUT[name].parameter.lower), min(high, LAYOUT[name].parameter.upper)
+    return float(low), float(high)
