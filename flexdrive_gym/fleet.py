@@ -162,6 +162,7 @@ class Fleet:
         self._pool = ThreadPoolExecutor(self._helpers) if self._helpers else None
         self.ended = 0
         self.outputs = self.new_outputs()
+        kernels.prepare_fleet(self.outputs.addresses[0], self.z)
         self._unreferenced = self.outputs.references()
         self._spare = [self.outputs]
         self.kernel = entry(kernels.step_single if n == 1 else kernels.step_fleet, 0, self.z)

@@ -78,6 +78,7 @@ from flexdrive_gym.drive.layout import (
     READ_2,
     REFERENCE,
     REFERENCES,
+    RESPONSE,
     ROW,
     SAMPLES,
     SEEN,
@@ -111,6 +112,7 @@ from flexdrive_gym.drive.sensing import (
     sense_each,
     tell,
 )
+from flexdrive_gym.drive.series import respond
 from flexdrive_gym.drive.step import tabulate
 
 
@@ -163,7 +165,7 @@ def _step_strip(begin: int, n: int, block: Any, z: Any) -> int:
     if z is None and block[ONE_BY_ONE] == 0:
         parts = (substeps + leaps - 1) // leaps
         picks, short = integers_at(block[A_PICKS]), block[SHORT] == 1
-        integrate_lanes(n, leaps, period / leaps, parts, short, shared, q, picks, state, work)
+        integrate_lanes(n, leaps, period / leaps, parts, short, shared, shifted(q, RESPONSE), picks, state, work)
     else:
         tables, memory = floats_at(block[A_TABLES]), floats_at(block[A_MEMORY])
         integrate_each(begin, n, period, substeps, shared, clocks, p, tables, memory, z, state)
@@ -249,6 +251,14 @@ def _fill_line(j: int, late: int, r1: float, r2: float, v1: float, v2: float, li
 
 
 @kernel
+def prepare_fleet(address: int, z: Any) -> None:
+    """Set up what the parameters decide that all drives share; call it once."""
+    block = integers_at(address)
+    if block[MODELS] == 1:
+        _prepare(0, True, block, floats_at(block[A_P]), pointer(z))
+
+
+@kernel
 def reset_fleet(address: int, mask: Any, start: Any, z: Any) -> None:
     """Start a new episode of the masked drives: draw parameters and reference, at ``start``.
 
@@ -271,7 +281,8 @@ def reset_fleet(address: int, mask: Any, start: Any, z: Any) -> None:
             row[j] = int(next_random(seeds, j) * block[REFERENCES])
         clock[j] = 0
         reward[j], terminated[j], truncated[j] = 0.0, 0, 0
-        _prepare(j, shared, block, q, space)
+        if not shared:
+            _prepare(j, False, block, q, space)
         if block[ONE_BY_ONE] == 1:
             clear(start[1], start[3], shifted(floats_at(block[A_MEMORY]), j * MEMORY), space, q)
         period = floats_at(block[A_TASK])[PERIOD]
@@ -295,13 +306,15 @@ def reset_fleet(address: int, mask: Any, start: Any, z: Any) -> None:
 def _prepare(j: int, shared: bool, block: Any, q: Any, space: Any) -> None:
     """Set up what a drive's parameters decide: the lanes' rows, or the step's table."""
     period = floats_at(block[A_TASK])[PERIOD]
-    strip, i = (0 if shared else j // LANES), j % LANES
-    rows = shifted(floats_at(block[A_LANES]), strip * PARAMETER_ROWS * ROW)
-    decay_1, decay_2 = decay(q[CUTOFF_1], period), decay(q[CUTOFF_2], period)
-    for lane in range(0 if shared else i, LANES if shared else i + 1):
-        for k in range(N_BASE_PARAMETERS):
-            rows[k * ROW + lane] = q[k]
-        rows[DECAY_1 + lane], rows[DECAY_2 + lane] = decay_1, decay_2
+    strip, first = (0 if shared else j // LANES), (0 if shared else j % LANES)
+    rows = shifted(floats_at(block[A_LANES]), strip * PARAMETER_ROWS * ROW + first)
+    for k in range(N_BASE_PARAMETERS):
+        rows[k * ROW] = q[k]
+    rows[DECAY_1], rows[DECAY_2] = decay(q[CUTOFF_1], period), decay(q[CUTOFF_2], period)
+    respond(period / block[LEAPS], q, shifted(rows, RESPONSE), ROW)
+    for lane in range(1, LANES if shared else 1):
+        for k in range(PARAMETER_ROWS):
+            rows[k * ROW + lane] = rows[k * ROW]
     if block[ONE_BY_ONE] == 1:
         table = shifted(floats_at(block[A_TABLES]), (0 if shared else j) * TABLE_COLUMNS)
         tabulate(period / block[SUBSTEPS], table, space, q)
