@@ -162,7 +162,8 @@ class Fleet:
         self._pool = ThreadPoolExecutor(self._helpers) if self._helpers else None
         self.ended = 0
         self.outputs = self.new_outputs()
-        kernels.prepare_fleet(self.outputs.addresses[0], self.z)
+        for address in self.outputs.addresses:
+            kernels.prepare_fleet(address, self.z)
         self._unreferenced = self.outputs.references()
         self._spare = [self.outputs]
         self.kernel = entry(kernels.step_single if n == 1 else kernels.step_fleet, 0, self.z)
@@ -244,7 +245,7 @@ class Fleet:
         for low, high in pairwise(edges):
             own: dict[str, npt.NDArray[Any]] = {
                 "work": np.zeros(max(layout.LANES_WORK, sizes[layout.DRAWN])),
-                "picks": np.zeros(layout.LANES + 1, dtype=np.int64),
+                "picks": np.zeros(layout.GATHERED, dtype=np.int64),
                 "seen": np.zeros((len(self.bound), layout.ROW), dtype=np.float32),
             }
             block = np.zeros(layout.BLOCK, dtype=np.int64)

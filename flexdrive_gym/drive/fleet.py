@@ -58,9 +58,12 @@ from flexdrive_gym.drive.layout import (
     DECAY_1,
     DECAY_2,
     DRAWN,
+    E_RESPONSE,
     ENDED,
     ENTRIES,
     ERROR,
+    GATHERED,
+    GROUP,
     HIGH,
     HORIZON,
     JOINT,
@@ -79,6 +82,7 @@ from flexdrive_gym.drive.layout import (
     REFERENCE,
     REFERENCES,
     RESPONSE,
+    RESPONSES,
     ROW,
     SAMPLES,
     SEEN,
@@ -92,10 +96,12 @@ from flexdrive_gym.drive.layout import (
     TOLD_ROWS,
     V1,
     V2,
+    WORK_ROWS,
     X1,
     X2,
     padded,
     stride,
+    strip_of,
 )
 from flexdrive_gym.drive.observation import observe
 from flexdrive_gym.drive.sample import CUTOFF_1, CUTOFF_2, MEMORY, clear, decay
@@ -149,26 +155,44 @@ def _record(block: Any) -> None:
 
 
 @inlined
-def _step_strip(begin: int, n: int, block: Any, z: Any) -> int:
-    """Advance n drives from ``begin`` on, all in one strip; return how many episodes end."""
-    shared, late, samples = block[MODELS] == 1, block[LATE], block[SAMPLES]
-    substeps, leaps = block[SUBSTEPS], block[LEAPS]
-    task, work, references = floats_at(block[A_TASK]), floats_at(block[A_WORK]), floats_at(block[A_REFERENCES])
-    clocks, p = integers_at(block[A_CLOCK]), floats_at(block[A_P])
-    clock, row = shifted(clocks, begin), shifted(integers_at(block[A_ROW]), begin)
-    strip, period = begin // LANES, task[PERIOD]
+def _step_group(begin: int, n: int, block: Any, z: Any) -> int:
+    """Advance n drives from ``begin`` on, all in one group; return how many episodes end."""
+    shared, leaps, task, work = block[MODELS] == 1, block[LEAPS], floats_at(block[A_TASK]), floats_at(block[A_WORK])
+    period, strip = task[PERIOD], begin // LANES
     state = shifted(floats_at(block[A_STATE]), strip * STATE_ROWS * ROW)
     q = shifted(floats_at(block[A_LANES]), (0 if shared else strip) * PARAMETER_ROWS * ROW)
-    act(n, shifted(floats_at(block[A_ACTIONS]), begin), task, q, state, work)
-    if task[NOISE] > 0.0:
-        draw_noise(begin, n, task, naturals_at(block[A_SEEDS]), work)
+    for low in range(0, n, LANES):
+        lanes, own = min(LANES, n - low), shifted(work, strip_of(low, WORK_ROWS))
+        rows = shifted(q, 0 if shared else strip_of(low, PARAMETER_ROWS))
+        actions = shifted(floats_at(block[A_ACTIONS]), begin + low)
+        act(lanes, actions, task, rows, shifted(state, strip_of(low, STATE_ROWS)), own)
+        if task[NOISE] > 0.0:
+            draw_noise(begin + low, lanes, task, naturals_at(block[A_SEEDS]), own)
     if z is None and block[ONE_BY_ONE] == 0:
-        parts = (substeps + leaps - 1) // leaps
+        parts = (block[SUBSTEPS] + leaps - 1) // leaps
         picks, short = integers_at(block[A_PICKS]), block[SHORT] == 1
-        integrate_lanes(n, leaps, period / leaps, parts, short, shared, shifted(q, RESPONSE), picks, state, work)
-    else:
+        integrate_lanes(n, leaps, period / leaps, parts, short, shared, q, picks, state, work)
+    ended = 0
+    for low in range(0, n, LANES):
+        rows = shifted(q, 0 if shared else strip_of(low, PARAMETER_ROWS))
+        here, own = shifted(state, strip_of(low, STATE_ROWS)), shifted(work, strip_of(low, WORK_ROWS))
+        ended += _finish_strip(begin + low, min(LANES, n - low), shared, block, rows, here, own, z)
+    return ended
+
+
+@inlined
+def _finish_strip(begin: int, n: int, shared: bool, block: Any, q: Any, state: Any, work: Any, z: Any) -> int:
+    """Do what comes after the physics for n drives from ``begin`` on, all in one strip; return how many episodes end.
+
+    Drives that cannot be advanced side by side are advanced here.
+    """
+    late, samples, task = block[LATE], block[SAMPLES], floats_at(block[A_TASK])
+    period, references = task[PERIOD], floats_at(block[A_REFERENCES])
+    clocks, p = integers_at(block[A_CLOCK]), floats_at(block[A_P])
+    clock, row = shifted(clocks, begin), shifted(integers_at(block[A_ROW]), begin)
+    if not (z is None and block[ONE_BY_ONE] == 0):
         tables, memory = floats_at(block[A_TABLES]), floats_at(block[A_MEMORY])
-        integrate_each(begin, n, period, substeps, shared, clocks, p, tables, memory, z, state)
+        integrate_each(begin, n, period, block[SUBSTEPS], shared, clocks, p, tables, memory, z, state)
     if z is None:
         sense(padded(n), period, q, state, work)
     else:
@@ -176,7 +200,7 @@ def _step_strip(begin: int, n: int, block: Any, z: Any) -> int:
     together = refer(n, task, samples, clock, row, references, work)
     judge(n, task, q, state, shifted(floats_at(block[A_REWARD]), begin), work)
     if block[TELLS] == 1:
-        tell(n, task, q, state, shifted(floats_at(block[A_TOLD]), strip * TOLD_ROWS * ROW), work)
+        tell(n, task, q, state, shifted(floats_at(block[A_TOLD]), begin // LANES * TOLD_ROWS * ROW), work)
     terminated, truncated = flags_at(block[A_TERMINATED]), flags_at(block[A_TRUNCATED])
     ended = conclude(n, task[HORIZON], clock, shifted(terminated, begin), shifted(truncated, begin), work)
     if late > 0:
@@ -200,8 +224,8 @@ def step_fleet(address: int, z: Any) -> None:
     """
     block = integers_at(address)
     ended = 0
-    for begin in range(block[LOW], block[HIGH], LANES):
-        ended += _step_strip(begin, min(LANES, block[HIGH] - begin), block, pointer(z))
+    for begin in range(block[LOW], block[HIGH], GROUP * LANES):
+        ended += _step_group(begin, min(GROUP * LANES, block[HIGH] - begin), block, pointer(z))
     block[ENDED] = ended
 
 
@@ -212,7 +236,7 @@ def step_single(address: int, z: Any) -> None:
     Releasing the interpreter's lock would take a tenth of the step.
     """
     block = integers_at(address)
-    block[ENDED] = _step_strip(0, 1, block, pointer(z))
+    block[ENDED] = _step_group(0, 1, block, pointer(z))
     _record(block)
 
 
@@ -252,10 +276,14 @@ def _fill_line(j: int, late: int, r1: float, r2: float, v1: float, v2: float, li
 
 @kernel
 def prepare_fleet(address: int, z: Any) -> None:
-    """Set up what the parameters decide that all drives share; call it once."""
+    """Set up what the parameters decide that all drives share; to be called once for every block."""
     block = integers_at(address)
     if block[MODELS] == 1:
         _prepare(0, True, block, floats_at(block[A_P]), pointer(z))
+        rows, work = floats_at(block[A_LANES]), floats_at(block[A_WORK])
+        for k in range(RESPONSES):
+            for e in range(padded(min(block[HIGH] - block[LOW], GROUP * LANES))):
+                work[E_RESPONSE + k * GATHERED + e] = rows[RESPONSE + k * ROW]
 
 
 @kernel

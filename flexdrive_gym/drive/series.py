@@ -200,6 +200,18 @@ def lasts(c: Any, s: float, level: float) -> Any:
 
 
 @inlined
+def lasts_surely(c: Any, s: float, level: float) -> Any:
+    """Whether a cart keeps its mode, by a quicker test than :func:`lasts` that gives up a little sooner.
+
+    The middle Bernstein coefficient is the mean of the outer two, less half of c[2], and the first is never negative: if the
+    last exceeds abs(c[2]), none is.
+    """
+    last = (c[0] + c[1]) + c[2]
+    rest = abs(c[2]) + (abs(c[3]) + abs(c[4]) + abs(c[5]) + abs(c[6]))
+    return (s * last if s != 0.0 else level - abs(last)) >= rest
+
+
+@inlined
 def _slack(c: Any, s: float, level: float) -> Any:
     """Return the slack as a polynomial that is positive until the event, and to which side the cart would tear loose."""
     side = 1.0 if total(c) > 0.0 else -1.0
