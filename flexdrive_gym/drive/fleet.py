@@ -71,7 +71,6 @@ from flexdrive_gym.drive.layout import (
     LATE,
     LEAPS,
     LOW,
-    MODELS,
     NOISE,
     ONE_BY_ONE,
     PARAMETER_ROWS,
@@ -157,7 +156,7 @@ def _record(block: Any) -> None:
 @inlined
 def _step_group(begin: int, n: int, block: Any, z: Any) -> int:
     """Advance n drives from ``begin`` on, all in one group; return how many episodes end."""
-    shared, leaps, task, work = block[MODELS] == 1, block[LEAPS], floats_at(block[A_TASK]), floats_at(block[A_WORK])
+    shared, leaps, task, work = block[DRAWN] == 0, block[LEAPS], floats_at(block[A_TASK]), floats_at(block[A_WORK])
     period, strip = task[PERIOD], begin // LANES
     state = shifted(floats_at(block[A_STATE]), strip * STATE_ROWS * ROW)
     q = shifted(floats_at(block[A_LANES]), (0 if shared else strip) * PARAMETER_ROWS * ROW)
@@ -278,7 +277,7 @@ def _fill_line(j: int, late: int, r1: float, r2: float, v1: float, v2: float, li
 def prepare_fleet(address: int, z: Any) -> None:
     """Set up what the parameters decide that all drives share; to be called once for every block."""
     block = integers_at(address)
-    if block[MODELS] == 1:
+    if block[DRAWN] == 0:
         _prepare(0, True, block, floats_at(block[A_P]), pointer(z))
         rows, work = floats_at(block[A_LANES]), floats_at(block[A_WORK])
         for k in range(RESPONSES):
@@ -293,7 +292,7 @@ def reset_fleet(address: int, mask: Any, start: Any, z: Any) -> None:
     ``mask`` (n,) is bool, ``start`` (4,) is x1, v1, x2, v2; the rest is as in :func:`step_fleet`.
     """
     block = integers_at(address)
-    shared, samples = block[MODELS] == 1, block[SAMPLES]
+    shared, samples = block[DRAWN] == 0, block[SAMPLES]
     clock, row, seeds = integers_at(block[A_CLOCK]), integers_at(block[A_ROW]), naturals_at(block[A_SEEDS])
     references, reward = floats_at(block[A_REFERENCES]), floats_at(block[A_REWARD])
     terminated, truncated = flags_at(block[A_TERMINATED]), flags_at(block[A_TRUNCATED])

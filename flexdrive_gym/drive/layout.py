@@ -36,9 +36,9 @@ ERROR_SCALE, VOLTAGE, HORIZON, NOISE = 7, 8, 9, 10
 TASK_ENTRIES = 11
 
 # the block: range of drives, sizes, what a kernel reports (ENDED: how many episodes), then addresses
-LOW, HIGH, DRIVES, SENSING, SUBSTEPS, LEAPS, MODELS, ENTRIES, PREVIEWS, SAMPLES, REFERENCES = range(11)
-ONE_BY_ONE, DRAWN, JOINT, LATE, TELLS, SHORT, ENDED = range(11, 18)
-SIZES = 18
+LOW, HIGH, DRIVES, SENSING, SUBSTEPS, LEAPS, ENTRIES, PREVIEWS, SAMPLES, REFERENCES = range(10)
+ONE_BY_ONE, DRAWN, JOINT, LATE, TELLS, SHORT, ENDED = range(10, 17)
+SIZES = 17
 
 # one address each; :class:`~flexdrive_gym.fleet.Fleet` makes and holds the arrays
 ARRAYS = (
