@@ -156,8 +156,8 @@ def _record(block: Any) -> None:
 @inlined
 def _step_group(begin: int, n: int, block: Any, z: Any) -> int:
     """Advance n drives from ``begin`` on, all in one group; return how many episodes end."""
-    shared, leaps, task, work = block[DRAWN] == 0, block[LEAPS], floats_at(block[A_TASK]), floats_at(block[A_WORK])
-    period, strip = task[PERIOD], begin // LANES
+    shared, task, work = block[DRAWN] == 0, floats_at(block[A_TASK]), floats_at(block[A_WORK])
+    strip = begin // LANES
     state = shifted(floats_at(block[A_STATE]), strip * STATE_ROWS * ROW)
     q = shifted(floats_at(block[A_LANES]), (0 if shared else strip) * PARAMETER_ROWS * ROW)
     for low in range(0, n, LANES):
@@ -167,10 +167,7 @@ def _step_group(begin: int, n: int, block: Any, z: Any) -> int:
         act(lanes, actions, task, rows, shifted(state, strip_of(low, STATE_ROWS)), own)
         if task[NOISE] > 0.0:
             draw_noise(begin + low, lanes, task, naturals_at(block[A_SEEDS]), own)
-    if z is None and block[ONE_BY_ONE] == 0:
-        parts = (block[SUBSTEPS] + leaps - 1) // leaps
-        picks, short = integers_at(block[A_PICKS]), block[SHORT] == 1
-        integrate_lanes(n, leaps, period / leaps, parts, short, shared, q, picks, state, work)
+    _integrate(begin, n, shared, block, q, state, work, z)
     ended = 0
     for low in range(0, n, LANES):
         rows = shifted(q, 0 if shared else strip_of(low, PARAMETER_ROWS))
@@ -180,18 +177,26 @@ def _step_group(begin: int, n: int, block: Any, z: Any) -> int:
 
 
 @inlined
-def _finish_strip(begin: int, n: int, shared: bool, block: Any, q: Any, state: Any, work: Any, z: Any) -> int:
-    """Do what comes after the physics for n drives from ``begin`` on, all in one strip; return how many episodes end.
+def _integrate(begin: int, n: int, shared: bool, block: Any, q: Any, state: Any, work: Any, z: Any) -> None:
+    """Advance the physics of a group's n drives from ``begin`` on by one control period."""
+    period, substeps, leaps = floats_at(block[A_TASK])[PERIOD], block[SUBSTEPS], block[LEAPS]
+    if z is None and block[ONE_BY_ONE] == 0:
+        parts = (substeps + leaps - 1) // leaps
+        picks, short = integers_at(block[A_PICKS]), block[SHORT] == 1
+        integrate_lanes(n, leaps, period / leaps, parts, short, shared, q, picks, state, work)
+    else:
+        clocks, p = integers_at(block[A_CLOCK]), floats_at(block[A_P])
+        tables, memory = floats_at(block[A_TABLES]), floats_at(block[A_MEMORY])
+        integrate_each(begin, n, period, substeps, shared, clocks, p, tables, memory, z, state)
 
-    Drives that cannot be advanced side by side are advanced here.
-    """
+
+@inlined
+def _finish_strip(begin: int, n: int, shared: bool, block: Any, q: Any, state: Any, work: Any, z: Any) -> int:
+    """Do what comes after the physics for n drives from ``begin`` on, all in one strip; return how many episodes end."""
     late, samples, task = block[LATE], block[SAMPLES], floats_at(block[A_TASK])
     period, references = task[PERIOD], floats_at(block[A_REFERENCES])
     clocks, p = integers_at(block[A_CLOCK]), floats_at(block[A_P])
     clock, row = shifted(clocks, begin), shifted(integers_at(block[A_ROW]), begin)
-    if not (z is None and block[ONE_BY_ONE] == 0):
-        tables, memory = floats_at(block[A_TABLES]), floats_at(block[A_MEMORY])
-        integrate_each(begin, n, period, block[SUBSTEPS], shared, clocks, p, tables, memory, z, state)
     if z is None:
         sense(padded(n), period, q, state, work)
     else:

@@ -229,9 +229,9 @@ def integrate_each(
     z: Any,
     state: Any,
 ) -> None:
-    """Integrate n drives one by one: some delay their command, or have effects beyond the base."""
-    for i in range(n):
-        j = low + i
+    """Integrate a group's n drives one by one: some delay their command, or have effects beyond the base."""
+    for lane in range(n):
+        j, i = low + lane, strip_of(lane, STATE_ROWS)
         row = 0 if shared else j
         x1, v1, x2, v2 = advance(
             state[X1 + i],
