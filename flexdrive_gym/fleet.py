@@ -96,7 +96,7 @@ class Fleet:
     def __init__(self, task: Task, n: int, threads: int = 1, *, tells: bool = True) -> None:
         self.task, self.n = task, n
         drawn, rig, entries = task.randomisation, task.rig, task.names()
-        self.models = n if drawn.names else 1
+        models = n if drawn.names else 1
         full = parameters.workspace(rig.values) is not None or any(not _is_base(name) for name in drawn.names)
         delayed = rig["input_delay.tau"] > 0.0 or "input_delay.tau" in drawn.names
         self.one_by_one = full or delayed
@@ -108,7 +108,7 @@ class Fleet:
         self.clock = np.zeros(n, dtype=np.int64)
         self.seeds = np.zeros(n, dtype=np.uint64)
         vector = rig.vector()
-        self.p = np.tile(vector if full else vector[:N_BASE_PARAMETERS], (self.models, 1))
+        self.p = np.tile(vector if full else vector[:N_BASE_PARAMETERS], (models, 1))
         self.z = np.zeros((n, WORKSPACE)) if full else None
         self.bound = (np.ones(len(entries)) if task.normalise else limits).astype(np.float32)
         alone = n if self.one_by_one else 0
@@ -122,7 +122,7 @@ class Fleet:
             "seeds": self.seeds,
             "p": self.p,
             "lanes": np.zeros((strips if drawn.names else 1, layout.PARAMETER_ROWS, layout.ROW)),
-            "tables": np.zeros((min(alone, self.models), lanes.TABLE_COLUMNS)),
+            "tables": np.zeros((min(alone, models), lanes.TABLE_COLUMNS)),
             "memory": np.zeros((alone, MEMORY)),
             "references": task.references,
             "ahead": task.ahead,
@@ -144,7 +144,6 @@ class Fleet:
             layout.SUBSTEPS: task.substeps,
             layout.LEAPS: number,
             layout.SHORT: int(short),
-            layout.MODELS: self.models,
             layout.ENTRIES: len(entries),
             layout.PREVIEWS: len(task.ahead),
             layout.SAMPLES: task.references.shape[1],
@@ -162,6 +161,8 @@ class Fleet:
         self._pool = ThreadPoolExecutor(self._helpers) if self._helpers else None
         self.ended = 0
         self.outputs = self.new_outputs()
+        for address in self.outputs.addresses:
+            kernels.prepare_fleet(address, self.z)
         self._unreferenced = self.outputs.references()
         self._spare = [self.outputs]
         self.kernel = entry(kernels.step_single if n == 1 else kernels.step_fleet, 0, self.z)
@@ -243,7 +244,7 @@ class Fleet:
         for low, high in pairwise(edges):
             own: dict[str, npt.NDArray[Any]] = {
                 "work": np.zeros(max(layout.LANES_WORK, sizes[layout.DRAWN])),
-                "picks": np.zeros(layout.LANES + 1, dtype=np.int64),
+                "picks": np.zeros(layout.GATHERED, dtype=np.int64),
                 "seen": np.zeros((len(self.bound), layout.ROW), dtype=np.float32),
             }
             block = np.zeros(layout.BLOCK, dtype=np.int64)

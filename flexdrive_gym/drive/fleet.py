@@ -58,9 +58,12 @@ from flexdrive_gym.drive.layout import (
     DECAY_1,
     DECAY_2,
     DRAWN,
+    E_RESPONSE,
     ENDED,
     ENTRIES,
     ERROR,
+    GATHERED,
+    GROUP,
     HIGH,
     HORIZON,
     JOINT,
@@ -68,7 +71,6 @@ from flexdrive_gym.drive.layout import (
     LATE,
     LEAPS,
     LOW,
-    MODELS,
     NOISE,
     ONE_BY_ONE,
     PARAMETER_ROWS,
@@ -78,6 +80,8 @@ from flexdrive_gym.drive.layout import (
     READ_2,
     REFERENCE,
     REFERENCES,
+    RESPONSE,
+    RESPONSES,
     ROW,
     SAMPLES,
     SEEN,
@@ -91,10 +95,12 @@ from flexdrive_gym.drive.layout import (
     TOLD_ROWS,
     V1,
     V2,
+    WORK_ROWS,
     X1,
     X2,
     padded,
     stride,
+    strip_of,
 )
 from flexdrive_gym.drive.observation import observe
 from flexdrive_gym.drive.sample import CUTOFF_1, CUTOFF_2, MEMORY, clear, decay
@@ -111,6 +117,7 @@ from flexdrive_gym.drive.sensing import (
     sense_each,
     tell,
 )
+from flexdrive_gym.drive.series import respond
 from flexdrive_gym.drive.step import tabulate
 
 
@@ -147,26 +154,49 @@ def _record(block: Any) -> None:
 
 
 @inlined
-def _step_strip(begin: int, n: int, block: Any, z: Any) -> int:
-    """Advance n drives from ``begin`` on, all in one strip; return how many episodes end."""
-    shared, late, samples = block[MODELS] == 1, block[LATE], block[SAMPLES]
-    substeps, leaps = block[SUBSTEPS], block[LEAPS]
-    task, work, references = floats_at(block[A_TASK]), floats_at(block[A_WORK]), floats_at(block[A_REFERENCES])
-    clocks, p = integers_at(block[A_CLOCK]), floats_at(block[A_P])
-    clock, row = shifted(clocks, begin), shifted(integers_at(block[A_ROW]), begin)
-    strip, period = begin // LANES, task[PERIOD]
+def _step_group(begin: int, n: int, block: Any, z: Any) -> int:
+    """Advance n drives from ``begin`` on, all in one group; return how many episodes end."""
+    shared, task, work = block[DRAWN] == 0, floats_at(block[A_TASK]), floats_at(block[A_WORK])
+    strip = begin // LANES
     state = shifted(floats_at(block[A_STATE]), strip * STATE_ROWS * ROW)
     q = shifted(floats_at(block[A_LANES]), (0 if shared else strip) * PARAMETER_ROWS * ROW)
-    act(n, shifted(floats_at(block[A_ACTIONS]), begin), task, q, state, work)
-    if task[NOISE] > 0.0:
-        draw_noise(begin, n, task, naturals_at(block[A_SEEDS]), work)
+    for low in range(0, n, LANES):
+        lanes, own = min(LANES, n - low), shifted(work, strip_of(low, WORK_ROWS))
+        rows = shifted(q, 0 if shared else strip_of(low, PARAMETER_ROWS))
+        actions = shifted(floats_at(block[A_ACTIONS]), begin + low)
+        act(lanes, actions, task, rows, shifted(state, strip_of(low, STATE_ROWS)), own)
+        if task[NOISE] > 0.0:
+            draw_noise(begin + low, lanes, task, naturals_at(block[A_SEEDS]), own)
+    _integrate(begin, n, shared, block, q, state, work, z)
+    ended = 0
+    for low in range(0, n, LANES):
+        rows = shifted(q, 0 if shared else strip_of(low, PARAMETER_ROWS))
+        here, own = shifted(state, strip_of(low, STATE_ROWS)), shifted(work, strip_of(low, WORK_ROWS))
+        ended += _finish_strip(begin + low, min(LANES, n - low), shared, block, rows, here, own, z)
+    return ended
+
+
+@inlined
+def _integrate(begin: int, n: int, shared: bool, block: Any, q: Any, state: Any, work: Any, z: Any) -> None:
+    """Advance the physics of a group's n drives from ``begin`` on by one control period."""
+    period, substeps, leaps = floats_at(block[A_TASK])[PERIOD], block[SUBSTEPS], block[LEAPS]
     if z is None and block[ONE_BY_ONE] == 0:
         parts = (substeps + leaps - 1) // leaps
         picks, short = integers_at(block[A_PICKS]), block[SHORT] == 1
         integrate_lanes(n, leaps, period / leaps, parts, short, shared, q, picks, state, work)
     else:
+        clocks, p = integers_at(block[A_CLOCK]), floats_at(block[A_P])
         tables, memory = floats_at(block[A_TABLES]), floats_at(block[A_MEMORY])
         integrate_each(begin, n, period, substeps, shared, clocks, p, tables, memory, z, state)
+
+
+@inlined
+def _finish_strip(begin: int, n: int, shared: bool, block: Any, q: Any, state: Any, work: Any, z: Any) -> int:
+    """Do what comes after the physics for n drives from ``begin`` on, all in one strip; return how many episodes end."""
+    late, samples, task = block[LATE], block[SAMPLES], floats_at(block[A_TASK])
+    period, references = task[PERIOD], floats_at(block[A_REFERENCES])
+    clocks, p = integers_at(block[A_CLOCK]), floats_at(block[A_P])
+    clock, row = shifted(clocks, begin), shifted(integers_at(block[A_ROW]), begin)
     if z is None:
         sense(padded(n), period, q, state, work)
     else:
@@ -174,7 +204,7 @@ def _step_strip(begin: int, n: int, block: Any, z: Any) -> int:
     together = refer(n, task, samples, clock, row, references, work)
     judge(n, task, q, state, shifted(floats_at(block[A_REWARD]), begin), work)
     if block[TELLS] == 1:
-        tell(n, task, q, state, shifted(floats_at(block[A_TOLD]), strip * TOLD_ROWS * ROW), work)
+        tell(n, task, q, state, shifted(floats_at(block[A_TOLD]), begin // LANES * TOLD_ROWS * ROW), work)
     terminated, truncated = flags_at(block[A_TERMINATED]), flags_at(block[A_TRUNCATED])
     ended = conclude(n, task[HORIZON], clock, shifted(terminated, begin), shifted(truncated, begin), work)
     if late > 0:
@@ -198,8 +228,8 @@ def step_fleet(address: int, z: Any) -> None:
     """
     block = integers_at(address)
     ended = 0
-    for begin in range(block[LOW], block[HIGH], LANES):
-        ended += _step_strip(begin, min(LANES, block[HIGH] - begin), block, pointer(z))
+    for begin in range(block[LOW], block[HIGH], GROUP * LANES):
+        ended += _step_group(begin, min(GROUP * LANES, block[HIGH] - begin), block, pointer(z))
     block[ENDED] = ended
 
 
@@ -210,7 +240,7 @@ def step_single(address: int, z: Any) -> None:
     Releasing the interpreter's lock would take a tenth of the step.
     """
     block = integers_at(address)
-    block[ENDED] = _step_strip(0, 1, block, pointer(z))
+    block[ENDED] = _step_group(0, 1, block, pointer(z))
     _record(block)
 
 
@@ -249,13 +279,25 @@ def _fill_line(j: int, late: int, r1: float, r2: float, v1: float, v2: float, li
 
 
 @kernel
+def prepare_fleet(address: int, z: Any) -> None:
+    """Set up what the parameters decide that all drives share; to be called once for every block."""
+    block = integers_at(address)
+    if block[DRAWN] == 0:
+        _prepare(0, True, block, floats_at(block[A_P]), pointer(z))
+        rows, work = floats_at(block[A_LANES]), floats_at(block[A_WORK])
+        for k in range(RESPONSES):
+            for e in range(padded(min(block[HIGH] - block[LOW], GROUP * LANES))):
+                work[E_RESPONSE + k * GATHERED + e] = rows[RESPONSE + k * ROW]
+
+
+@kernel
 def reset_fleet(address: int, mask: Any, start: Any, z: Any) -> None:
     """Start a new episode of the masked drives: draw parameters and reference, at ``start``.
 
     ``mask`` (n,) is bool, ``start`` (4,) is x1, v1, x2, v2; the rest is as in :func:`step_fleet`.
     """
     block = integers_at(address)
-    shared, samples = block[MODELS] == 1, block[SAMPLES]
+    shared, samples = block[DRAWN] == 0, block[SAMPLES]
     clock, row, seeds = integers_at(block[A_CLOCK]), integers_at(block[A_ROW]), naturals_at(block[A_SEEDS])
     references, reward = floats_at(block[A_REFERENCES]), floats_at(block[A_REWARD])
     terminated, truncated = flags_at(block[A_TERMINATED]), flags_at(block[A_TRUNCATED])
@@ -271,7 +313,8 @@ def reset_fleet(address: int, mask: Any, start: Any, z: Any) -> None:
             row[j] = int(next_random(seeds, j) * block[REFERENCES])
         clock[j] = 0
         reward[j], terminated[j], truncated[j] = 0.0, 0, 0
-        _prepare(j, shared, block, q, space)
+        if not shared:
+            _prepare(j, False, block, q, space)
         if block[ONE_BY_ONE] == 1:
             clear(start[1], start[3], shifted(floats_at(block[A_MEMORY]), j * MEMORY), space, q)
         period = floats_at(block[A_TASK])[PERIOD]
@@ -295,13 +338,15 @@ def reset_fleet(address: int, mask: Any, start: Any, z: Any) -> None:
 def _prepare(j: int, shared: bool, block: Any, q: Any, space: Any) -> None:
     """Set up what a drive's parameters decide: the lanes' rows, or the step's table."""
     period = floats_at(block[A_TASK])[PERIOD]
-    strip, i = (0 if shared else j // LANES), j % LANES
-    rows = shifted(floats_at(block[A_LANES]), strip * PARAMETER_ROWS * ROW)
-    decay_1, decay_2 = decay(q[CUTOFF_1], period), decay(q[CUTOFF_2], period)
-    for lane in range(0 if shared else i, LANES if shared else i + 1):
-        for k in range(N_BASE_PARAMETERS):
-            rows[k * ROW + lane] = q[k]
-        rows[DECAY_1 + lane], rows[DECAY_2 + lane] = decay_1, decay_2
+    strip, first = (0 if shared else j // LANES), (0 if shared else j % LANES)
+    rows = shifted(floats_at(block[A_LANES]), strip * PARAMETER_ROWS * ROW + first)
+    for k in range(N_BASE_PARAMETERS):
+        rows[k * ROW] = q[k]
+    rows[DECAY_1], rows[DECAY_2] = decay(q[CUTOFF_1], period), decay(q[CUTOFF_2], period)
+    respond(period / block[LEAPS], q, shifted(rows, RESPONSE), ROW)
+    for lane in range(1, LANES if shared else 1):
+        for k in range(PARAMETER_ROWS):
+            rows[k * ROW + lane] = rows[k * ROW]
     if block[ONE_BY_ONE] == 1:
         table = shifted(floats_at(block[A_TABLES]), (0 if shared else j) * TABLE_COLUMNS)
         tabulate(period / block[SUBSTEPS], table, space, q)

@@ -1,4 +1,4 @@
-"""Integrate up to LANES drives: those with base effects side by side, any others one by one.
+"""Integrate a group of strips: drives with base effects side by side, any others one by one.
 
 Nearly all drives are done by a first loop over all lanes. Those with an event inside the leap are moved together and go
 from event to event in a second loop of the same kind, in rounds that become fewer. Every lane's arithmetic is that of
@@ -17,25 +17,34 @@ from flexdrive_gym.drive.layout import (
     E_FREE_1,
     E_FREE_2,
     E_LEFT,
-    E_PARAMETERS,
+    E_RESPONSE,
     E_U,
     E_UNSURE,
     E_V1,
     E_V2,
     E_X1,
     E_X2,
+    GATHERED,
+    LANES,
     OPEN,
+    PARAMETER_ROWS,
+    RESPONSE,
+    RESPONSES,
     ROW,
+    STATE_ROWS,
     V1,
     V2,
+    WORK_ROWS,
     X1,
     X2,
+    gathered_of,
     padded,
-    parameters_of,
+    responses_of,
     stride,
+    strip_of,
 )
 from flexdrive_gym.drive.sample import MEMORY, advance
-from flexdrive_gym.drive.series import arrive, lasts, next_event, search, series, total
+from flexdrive_gym.drive.series import arrive, lasts, lasts_surely, next_event, path, search, series, total, travelled
 from flexdrive_gym.drive.step import MAX_EVENTS, TABLE
 
 # the step's table, and work space to make it
@@ -47,36 +56,38 @@ _MOVED = 8  # rows of a drive with an event that change
 def integrate_lanes(
     n: int, leaps: int, h: float, parts: int, short: bool, shared: bool, q: Any, picks: Any, state: Any, work: Any
 ) -> None:
-    """Advance n drives by ``leaps`` times h; events are searched at ``parts`` instants of a leap where need be.
+    """Advance a group's n drives by ``leaps`` times h; events are searched at ``parts`` instants of a leap where need be.
 
-    ``q`` are rows of parameters, ``state`` and ``work`` as in :mod:`~flexdrive_gym.drive.layout`.
+    ``q`` are rows of parameters and responses, ``state`` and ``work`` as in :mod:`~flexdrive_gym.drive.layout`.
     """
-    own = q if shared else shifted(work, E_PARAMETERS)
     for _ in range(leaps):
-        if short:
-            _leap(padded(n), h, True, q, state, work)
-        else:
-            _leap(padded(n), h, False, q, state, work)
         m = 0
-        for i in range(n):
-            picks[m] = i
-            m += 1 if work[OPEN + i] > 0.0 else 0
+        for low in range(0, n, LANES):
+            lanes, rows = min(LANES, n - low), shifted(q, 0 if shared else strip_of(low, PARAMETER_ROWS))
+            here, own = shifted(state, strip_of(low, STATE_ROWS)), shifted(work, strip_of(low, WORK_ROWS))
+            if short:
+                _leap(padded(lanes), h, True, rows, here, own)
+            else:
+                _leap(padded(lanes), h, False, rows, here, own)
+            for i in range(lanes):
+                picks[m] = low + i
+                m += 1 if own[OPEN + i] > 0.0 else 0
         if m > 0:
-            _gather(m, h, shared, q, picks, state, work)
+            _gather(m, shared, q, picks, state, work)
             for _attempt in range(MAX_EVENTS):
-                _pieces(padded(m), own, work)
+                _pieces(padded(m), h, work)
                 for e in range(m):
                     if work[E_UNSURE + e] > 0.0:
-                        _uncertain_piece(e, parts, own, work)
+                        _uncertain_piece(e, h, parts, work)
                 if short:
-                    _rests(padded(m), True, own, work)
+                    _rests(padded(m), h, True, work)
                 else:
-                    _rests(padded(m), False, own, work)
+                    _rests(padded(m), h, False, work)
                 m = _scatter(m, shared, picks, state, work)
                 if m == 0:
                     break
             for e in range(m):
-                _give_up(e, picks[e], own, state, work)
+                _give_up(e, strip_of(picks[e], STATE_ROWS), h, state, work)
 
 
 @inlined
@@ -84,88 +95,90 @@ def _leap(n: int, h: float, short: bool, q: Any, state: Any, work: Any) -> None:
     """Advance the drives without an event; mark the others."""
     for i in range(n):
         x1, v1, x2, v2 = state[X1 + i], state[V1 + i], state[X2 + i], state[V2 + i]
-        y1, w1, y2, w2, c1, c2, s1, s2, f1, f2 = series(
-            x1, v1, x2, v2, 0.0, 0.0, state[COMMAND + i], h, parameters_of(q, i), short
+        w1, w2, c1, c2, s1, s2, f1, f2 = series(
+            x1, v1, x2, v2, 0.0, 0.0, state[COMMAND + i], h, 1.0, responses_of(q, i), short
         )
-        quiet = lasts(c1, s1, f1) & lasts(c2, s2, f2)
-        state[X1 + i] = total(y1) if quiet else x1
-        state[V1 + i] = total(w1) if quiet else v1
-        state[X2 + i] = total(y2) if quiet else x2
-        state[V2 + i] = total(w2) if quiet else v2
+        quiet = lasts_surely(c1, s1, f1) & lasts_surely(c2, s2, f2)
+        state[X1 + i] = travelled(x1, w1, h, short) if quiet else x1
+        state[V1 + i] = total(c1) if quiet & (s1 != 0.0) else v1
+        state[X2 + i] = travelled(x2, w2, h, short) if quiet else x2
+        state[V2 + i] = total(c2) if quiet & (s2 != 0.0) else v2
         work[OPEN + i] = 0.0 if quiet else 1.0
 
 
 @inlined
-def _gather(m: int, h: float, shared: bool, q: Any, picks: Any, state: Any, work: Any) -> None:
+def _gather(m: int, shared: bool, q: Any, picks: Any, state: Any, work: Any) -> None:
     """Move the picked drives together, and fill the last vector up with one of them."""
     for e in range(m, padded(m)):
         picks[e] = picks[0]
     for e in range(padded(m)):
-        i = picks[e]
+        i = strip_of(picks[e], STATE_ROWS)
         work[E_X1 + e] = state[X1 + i]
         work[E_V1 + e] = state[V1 + i]
         work[E_X2 + e] = state[X2 + i]
         work[E_V2 + e] = state[V2 + i]
         work[E_U + e] = state[COMMAND + i]
-        work[E_LEFT + e] = h
+        work[E_LEFT + e] = 1.0
         work[E_FREE_1 + e] = 0.0
         work[E_FREE_2 + e] = 0.0
     if not shared:
-        for k in range(N_BASE_PARAMETERS):
+        for k in range(RESPONSES):
             for e in range(padded(m)):
-                work[E_PARAMETERS + k * ROW + e] = q[k * ROW + picks[e]]
+                work[E_RESPONSE + k * GATHERED + e] = q[RESPONSE + k * ROW + strip_of(picks[e], PARAMETER_ROWS)]
 
 
 @inlined
-def _pieces(m: int, q: Any, work: Any) -> None:
+def _pieces(m: int, h: float, work: Any) -> None:
     """Advance m drives to their next event or the end of the leap; mark those where that is uncertain."""
     for e in range(m):
         x1, v1, x2, v2 = work[E_X1 + e], work[E_V1 + e], work[E_X2 + e], work[E_V2 + e]
-        u, h, free_1, free_2 = work[E_U + e], work[E_LEFT + e], work[E_FREE_1 + e], work[E_FREE_2 + e]
-        y1, w1, y2, w2, c1, c2, s1, s2, f1, f2 = series(
-            x1, v1, x2, v2, free_1, free_2, u, h, parameters_of(q, e), False
+        u, share, free_1, free_2 = work[E_U + e], work[E_LEFT + e], work[E_FREE_1 + e], work[E_FREE_2 + e]
+        w1, w2, c1, c2, s1, s2, f1, f2 = series(
+            x1, v1, x2, v2, free_1, free_2, u, h, share, gathered_of(work, e), False
         )
+        y1, y2 = path(x1, w1, h * share), path(x2, w2, h * share)
         t1, t2, side_1, side_2, sure = next_event(c1, c2, s1, s2, f1, f2)
-        z1, g1, z2, g2, left, new_1, new_2 = arrive(y1, w1, y2, w2, s1, s2, t1, t2, side_1, side_2)
+        z1, g1, z2, g2, left, new_1, new_2 = arrive(y1, c1, y2, c2, s1, s2, t1, t2, side_1, side_2)
         work[E_X1 + e] = z1 if sure else x1
         work[E_V1 + e] = g1 if sure else v1
         work[E_X2 + e] = z2 if sure else x2
         work[E_V2 + e] = g2 if sure else v2
-        work[E_LEFT + e] = left * h if sure else h
+        work[E_LEFT + e] = left * share if sure else share
         work[E_FREE_1 + e] = new_1 if sure else free_1
         work[E_FREE_2 + e] = new_2 if sure else free_2
         work[E_UNSURE + e] = 0.0 if sure else 1.0
 
 
 @inlined
-def _uncertain_piece(e: int, parts: int, q: Any, work: Any) -> None:
+def _uncertain_piece(e: int, h: float, parts: int, work: Any) -> None:
     """Do for one drive what :func:`_pieces` does, searching for its events."""
     x1, v1, x2, v2 = work[E_X1 + e], work[E_V1 + e], work[E_X2 + e], work[E_V2 + e]
-    u, h, free_1, free_2 = work[E_U + e], work[E_LEFT + e], work[E_FREE_1 + e], work[E_FREE_2 + e]
-    y1, w1, y2, w2, c, d, s1, s2, f1, f2 = series(x1, v1, x2, v2, free_1, free_2, u, h, parameters_of(q, e), False)
+    u, share, free_1, free_2 = work[E_U + e], work[E_LEFT + e], work[E_FREE_1 + e], work[E_FREE_2 + e]
+    w1, w2, c, d, s1, s2, f1, f2 = series(x1, v1, x2, v2, free_1, free_2, u, h, share, gathered_of(work, e), False)
+    y1, y2 = path(x1, w1, h * share), path(x2, w2, h * share)
     t1, side_1 = search(c[0], c[1], c[2], c[3], c[4], c[5], c[6], s1, f1, parts)
     t2, side_2 = search(d[0], d[1], d[2], d[3], d[4], d[5], d[6], s2, f2, parts)
-    z1, g1, z2, g2, left, new_1, new_2 = arrive(y1, w1, y2, w2, s1, s2, t1, t2, side_1, side_2)
+    z1, g1, z2, g2, left, new_1, new_2 = arrive(y1, c, y2, d, s1, s2, t1, t2, side_1, side_2)
     work[E_X1 + e], work[E_V1 + e], work[E_X2 + e], work[E_V2 + e] = z1, g1, z2, g2
-    work[E_LEFT + e] = left * h
+    work[E_LEFT + e] = left * share
     work[E_FREE_1 + e], work[E_FREE_2 + e] = new_1, new_2
 
 
 @inlined
-def _rests(m: int, short: bool, q: Any, work: Any) -> None:
+def _rests(m: int, h: float, short: bool, work: Any) -> None:
     """Advance those of m drives that have no further event to the end of the leap: for most, one event is all."""
     for e in range(m):
         x1, v1, x2, v2 = work[E_X1 + e], work[E_V1 + e], work[E_X2 + e], work[E_V2 + e]
-        u, h, free_1, free_2 = work[E_U + e], work[E_LEFT + e], work[E_FREE_1 + e], work[E_FREE_2 + e]
-        y1, w1, y2, w2, c1, c2, s1, s2, f1, f2 = series(
-            x1, v1, x2, v2, free_1, free_2, u, h, parameters_of(q, e), short
+        u, share, free_1, free_2 = work[E_U + e], work[E_LEFT + e], work[E_FREE_1 + e], work[E_FREE_2 + e]
+        w1, w2, c1, c2, s1, s2, f1, f2 = series(
+            x1, v1, x2, v2, free_1, free_2, u, h, share, gathered_of(work, e), short
         )
         quiet = lasts(c1, s1, f1) & lasts(c2, s2, f2)
-        work[E_X1 + e] = total(y1) if quiet else x1
-        work[E_V1 + e] = total(w1) if quiet else v1
-        work[E_X2 + e] = total(y2) if quiet else x2
-        work[E_V2 + e] = total(w2) if quiet else v2
-        work[E_LEFT + e] = 0.0 if quiet else h
+        work[E_X1 + e] = travelled(x1, w1, h * share, short) if quiet else x1
+        work[E_V1 + e] = total(c1) if quiet & (s1 != 0.0) else v1
+        work[E_X2 + e] = travelled(x2, w2, h * share, short) if quiet else x2
+        work[E_V2 + e] = total(c2) if quiet & (s2 != 0.0) else v2
+        work[E_LEFT + e] = 0.0 if quiet else share
 
 
 @inlined
@@ -173,17 +186,17 @@ def _scatter(m: int, shared: bool, picks: Any, state: Any, work: Any) -> int:
     """Put the drives that reached the end back into their lanes; move the others together and return how many they are."""
     left = 0
     for e in range(m):
-        i = picks[e]
         if work[E_LEFT + e] > 0.0:
             if left < e:
-                picks[left] = i
+                picks[left] = picks[e]
                 for k in range(_MOVED):
-                    work[E_X1 + k * ROW + left] = work[E_X1 + k * ROW + e]
+                    work[E_X1 + k * GATHERED + left] = work[E_X1 + k * GATHERED + e]
                 if not shared:
-                    for k in range(N_BASE_PARAMETERS):
-                        work[E_PARAMETERS + k * ROW + left] = work[E_PARAMETERS + k * ROW + e]
+                    for k in range(RESPONSES):
+                        work[E_RESPONSE + k * GATHERED + left] = work[E_RESPONSE + k * GATHERED + e]
             left += 1
         else:
+            i = strip_of(picks[e], STATE_ROWS)
             state[X1 + i] = work[E_X1 + e]
             state[V1 + i] = work[E_V1 + e]
             state[X2 + i] = work[E_X2 + e]
@@ -192,16 +205,14 @@ def _scatter(m: int, shared: bool, picks: Any, state: Any, work: Any) -> int:
 
 
 @inlined
-def _give_up(e: int, i: int, q: Any, state: Any, work: Any) -> None:
+def _give_up(e: int, i: int, h: float, state: Any, work: Any) -> None:
     """Let a drive with very many events finish the leap in its present mode; a cart that came back through zero rests."""
     x1, v1, x2, v2 = work[E_X1 + e], work[E_V1 + e], work[E_X2 + e], work[E_V2 + e]
-    u, h, free_1, free_2 = work[E_U + e], work[E_LEFT + e], work[E_FREE_1 + e], work[E_FREE_2 + e]
-    y1, w1, y2, w2, _c1, _c2, s1, s2, _f1, _f2 = series(
-        x1, v1, x2, v2, free_1, free_2, u, h, parameters_of(q, e), False
-    )
-    state[X1 + i], state[X2 + i] = total(y1), total(y2)
-    state[V1 + i] = total(w1) if s1 * total(w1) > 0.0 else 0.0
-    state[V2 + i] = total(w2) if s2 * total(w2) > 0.0 else 0.0
+    u, share, free_1, free_2 = work[E_U + e], work[E_LEFT + e], work[E_FREE_1 + e], work[E_FREE_2 + e]
+    w1, w2, c1, c2, s1, s2, _f1, _f2 = series(x1, v1, x2, v2, free_1, free_2, u, h, share, gathered_of(work, e), False)
+    state[X1 + i], state[X2 + i] = travelled(x1, w1, h * share, False), travelled(x2, w2, h * share, False)
+    state[V1 + i] = total(c1) if s1 * total(c1) > 0.0 else 0.0
+    state[V2 + i] = total(c2) if s2 * total(c2) > 0.0 else 0.0
 
 
 @inlined
@@ -218,9 +229,9 @@ def integrate_each(
     z: Any,
     state: Any,
 ) -> None:
-    """Integrate n drives one by one: some delay their command, or have effects beyond the base."""
-    for i in range(n):
-        j = low + i
+    """Integrate a group's n drives one by one: some delay their command, or have effects beyond the base."""
+    for lane in range(n):
+        j, i = low + lane, strip_of(lane, STATE_ROWS)
         row = 0 if shared else j
         x1, v1, x2, v2 = advance(
             state[X1 + i],

@@ -24,9 +24,11 @@ STATE_ROWS = 9
 # rows of ``told``, which tell about the last period; they begin the work space
 REFERENCE, ERROR, TRACKING, EFFORT, RATE, FAILURE = (i * ROW for i in range(6))
 TOLD_ROWS = 6
-# rows of ``lanes``: parameters, then the decay of the velocity filters
+# rows of ``lanes``: parameters, the decay of the velocity filters, responses (:func:`~flexdrive_gym.drive.series.respond`)
 DECAY_1, DECAY_2 = N_BASE_PARAMETERS * ROW, (N_BASE_PARAMETERS + 1) * ROW
-PARAMETER_ROWS = N_BASE_PARAMETERS + 2
+RESPONSE = (N_BASE_PARAMETERS + 2) * ROW
+RESPONSES = 9
+PARAMETER_ROWS = N_BASE_PARAMETERS + 2 + RESPONSES
 
 # entries of ``task``, the constants of an environment
 PERIOD, TRAVEL, STROKE, WEIGHT_TRACKING, WEIGHT_EFFORT, WEIGHT_RATE, WEIGHT_FAILURE = 0, 1, 2, 3, 4, 5, 6
@@ -34,9 +36,9 @@ ERROR_SCALE, VOLTAGE, HORIZON, NOISE = 7, 8, 9, 10
 TASK_ENTRIES = 11
 
 # the block: range of drives, sizes, what a kernel reports (ENDED: how many episodes), then addresses
-LOW, HIGH, DRIVES, SENSING, SUBSTEPS, LEAPS, MODELS, ENTRIES, PREVIEWS, SAMPLES, REFERENCES = range(11)
-ONE_BY_ONE, DRAWN, JOINT, LATE, TELLS, SHORT, ENDED = range(11, 18)
-SIZES = 18
+LOW, HIGH, DRIVES, SENSING, SUBSTEPS, LEAPS, ENTRIES, PREVIEWS, SAMPLES, REFERENCES = range(10)
+ONE_BY_ONE, DRAWN, JOINT, LATE, TELLS, SHORT, ENDED = range(10, 17)
+SIZES = 17
 
 # one address each; :class:`~flexdrive_gym.fleet.Fleet` makes and holds the arrays
 ARRAYS = (
@@ -54,22 +56,35 @@ BLOCK = SIZES + len(ARRAYS)
 
 # Further rows of the work space: noise, whether a lane needs more than the first piece, readings that come late.
 NOISE_1, NOISE_2, OPEN, SEEN = (i * ROW for i in (6, 7, 8, 9))
-# Drives with an event, moved together: state, command, time left, released carts, whether a search is due.
-E_X1, E_V1, E_X2, E_V2, E_U, E_LEFT, E_FREE_1, E_FREE_2, E_UNSURE = (i * ROW for i in range(13, 22))
-# their parameters, unless all drives have the same
-E_PARAMETERS = 22 * ROW
-LANES_WORK = E_PARAMETERS + PARAMETER_ROWS * ROW
+WORK_ROWS = 13
+# Strips are advanced in groups, each with such rows. Of a whole group the drives with an event are moved together: fewer are
+# few in a vector, and every round of events takes as long as its longest chain of operations.
+GROUP = 8
+GATHERED = GROUP * LANES + 8
+# Their rows: state, command, share of the leap left, released carts, whether a search is due, responses.
+E_X1, E_V1, E_X2, E_V2, E_U, E_LEFT, E_FREE_1, E_FREE_2, E_UNSURE, E_RESPONSE = (
+    GROUP * WORK_ROWS * ROW + i * GATHERED for i in range(10)
+)
+LANES_WORK = E_RESPONSE + RESPONSES * GATHERED
 
 
-def _parameters_of() -> Any:
+def _entries_of(first: int, rows: int, row: int) -> Any:
     # a tuple of one lane's entries: its length is part of its type, so it must be written out
-    body = ", ".join(f"q[{k * ROW} + i]" for k in range(N_BASE_PARAMETERS))
+    body = ", ".join(f"q[{first + k * row} + i]" for k in range(rows))
     names: dict[str, Any] = {}
-    exec(compile(f"def parameters_of(q, i):\n    return ({body},)\n", "<parameters_of>", "exec"), names)  # noqa: S102
-    return inlined(names["parameters_of"])
+    exec(compile(f"def entries_of(q, i):\n    return ({body},)\n", "<entries_of>", "exec"), names)  # noqa: S102
+    return inlined(names["entries_of"])
 
 
-parameters_of = _parameters_of()
+# of a lane's rows of ``lanes``, and of the work space's drives with an event
+parameters_of = _entries_of(0, N_BASE_PARAMETERS, ROW)
+responses_of, gathered_of = _entries_of(RESPONSE, RESPONSES, ROW), _entries_of(E_RESPONSE, RESPONSES, GATHERED)
+
+
+@inlined
+def strip_of(j: int, rows: int) -> int:
+    """Return where a group's lane j is in rows that every strip has so many of."""
+    return (j // LANES) * rows * ROW + j % LANES
 
 
 @inlined

@@ -87,9 +87,10 @@ def draw_noise(low: int, n: int, task: Any, seeds: Any, work: Any) -> None:
 
 
 @inlined
-def _differentiate(i: int, r1: float, r2: float, period: float, z: Any, p: Any, q: Any, state: Any) -> None:
-    """Make velocities from new readings and keep both."""
-    raw_1, raw_2 = rate_1((r1 - state[READ_1 + i]) / period, z, p), rate_2((r2 - state[READ_2 + i]) / period, z, p)
+def _differentiate(i: int, r1: float, r2: float, per_second: float, z: Any, p: Any, q: Any, state: Any) -> None:
+    """Make velocities from new readings, of which there are so many per second, and keep both."""
+    raw_1 = rate_1((r1 - state[READ_1 + i]) * per_second, z, p)
+    raw_2 = rate_2((r2 - state[READ_2 + i]) * per_second, z, p)
     state[SPEED_1 + i] = velocity(raw_1, state[SPEED_1 + i], q[DECAY_1 + i])
     state[SPEED_2 + i] = velocity(raw_2, state[SPEED_2 + i], q[DECAY_2 + i])
     state[READ_1 + i] = r1
@@ -99,10 +100,11 @@ def _differentiate(i: int, r1: float, r2: float, period: float, z: Any, p: Any, 
 @inlined
 def sense(n: int, period: float, q: Any, state: Any, work: Any) -> None:
     """Read the encoders of drives with base effects."""
+    per_second = 1.0 / period
     for i in range(n):
         p = parameters_of(q, i)
         r1, r2 = readings(state[X1 + i], state[V1 + i], state[X2 + i], state[V2 + i], 0.0, period, None, p)
-        _differentiate(i, r1 + work[NOISE_1 + i], r2 + work[NOISE_2 + i], period, None, p, q, state)
+        _differentiate(i, r1 + work[NOISE_1 + i], r2 + work[NOISE_2 + i], per_second, None, p, q, state)
 
 
 @inlined
@@ -110,12 +112,13 @@ def sense_each(
     low: int, n: int, shared: bool, period: float, clock: Any, p: Any, z: Any, q: Any, state: Any, work: Any
 ) -> None:
     """Read the encoders of drives with further effects."""
+    per_second = 1.0 / period
     for i in range(n):
         j = low + i
         mine, space = shifted(p, (0 if shared else j) * stride(z)), shifted(z, j * WORKSPACE)
         t = (clock[j] + 1) * period
         r1, r2 = readings(state[X1 + i], state[V1 + i], state[X2 + i], state[V2 + i], t, period, space, mine)
-        _differentiate(i, r1 + work[NOISE_1 + i], r2 + work[NOISE_2 + i], period, space, mine, q, state)
+        _differentiate(i, r1 + work[NOISE_1 + i], r2 + work[NOISE_2 + i], per_second, space, mine, q, state)
 
 
 @inlined
@@ -153,26 +156,41 @@ def refer(n: int, task: Any, samples: int, clock: Any, row: Any, references: Any
 
 
 @inlined
-def _judged(i: int, task: Any, q: Any, state: Any, work: Any) -> tuple[float, float, float, float, float]:
+def _scales(task: Any) -> tuple[float, float, float, float, float, float, float]:
+    """Return what :func:`_judged` reads of the task, before the loop: within it the compiler would gather lane by lane."""
+    return (
+        task[TRAVEL],
+        task[STROKE],
+        1.0 / task[ERROR_SCALE],
+        1.0 / task[VOLTAGE],
+        -task[WEIGHT_TRACKING],
+        -task[WEIGHT_EFFORT],
+        -task[WEIGHT_FAILURE],
+    )
+
+
+@inlined
+def _judged(i: int, scales: Any, q: Any, state: Any, work: Any) -> tuple[float, float, float, float, float]:
     """Compare the controlled cart (cart 2, or the only one) with the reference; charge error, effort and failure.
 
     Returns error, the three terms and by how much a limit is exceeded.
     """
+    travel, stroke, per_mm, per_volt, tracking, effort, failure = scales
     x1, x2 = state[X1 + i], state[X2 + i]
     two = q[W2 * ROW + i] > 0.0
     error = work[REFERENCE + i] - (x2 if two else x1)
-    e, u = error * (1.0 / task[ERROR_SCALE]), state[COMMAND + i] * (1.0 / task[VOLTAGE])
-    reach = max(abs(x1), abs(x2)) - task[TRAVEL]
-    beyond = max(reach, abs(x1 - x2) - task[STROKE]) if two else reach
-    failure = -task[WEIGHT_FAILURE] if beyond > 0.0 else 0.0
-    return error, -task[WEIGHT_TRACKING] * e * e, -task[WEIGHT_EFFORT] * u * u, failure, beyond
+    e, u = error * per_mm, state[COMMAND + i] * per_volt
+    reach = max(abs(x1), abs(x2)) - travel
+    beyond = max(reach, abs(x1 - x2) - stroke) if two else reach
+    return error, tracking * e * e, effort * u * u, failure if beyond > 0.0 else 0.0, beyond
 
 
 @inlined
 def judge(n: int, task: Any, q: Any, state: Any, reward: Any, work: Any) -> None:
     """Sum the reward up."""
+    scales = _scales(task)
     for i in range(n):
-        _error, tracking, effort, failure, beyond = _judged(i, task, q, state, work)
+        _error, tracking, effort, failure, beyond = _judged(i, scales, q, state, work)
         reward[i] = tracking + effort + work[RATE + i] + failure
         work[OPEN + i] = beyond
 
@@ -180,8 +198,9 @@ def judge(n: int, task: Any, q: Any, state: Any, reward: Any, work: Any) -> None
 @inlined
 def tell(n: int, task: Any, q: Any, state: Any, told: Any, work: Any) -> None:
     """Write down what :func:`judge` found, term by term."""
+    scales = _scales(task)
     for i in range(n):
-        error, tracking, effort, failure, _beyond = _judged(i, task, q, state, work)
+        error, tracking, effort, failure, _beyond = _judged(i, scales, q, state, work)
         told[REFERENCE + i] = work[REFERENCE + i]
         told[ERROR + i] = error
         told[TRACKING + i] = tracking

@@ -19,6 +19,7 @@ at once. What remains is searched in steps no longer than the physics step, one 
 
 from __future__ import annotations
 
+from math import copysign
 from typing import Any
 
 import numpy as np
@@ -29,8 +30,6 @@ from flexdrive_gym.drive.forces import (
     W2,
     force_1,
     force_2,
-    hold_1,
-    hold_2,
     level_1,
     level_2,
     spring_force,
@@ -42,21 +41,35 @@ REACH = 0.25
 # the same for series that end with τ⁴, as a Runge-Kutta step does
 SHORT_REACH = 0.05
 _NEVER = 2.0
-_HALF, _THIRD, _QUARTER, _FIFTH, _SIXTH = 1.0 / 2.0, 1.0 / 3.0, 1.0 / 4.0, 1.0 / 5.0, 1.0 / 6.0
+_PER_2, _PER_6, _PER_24, _PER_120, _PER_720 = 1.0 / 2.0, 1.0 / 6.0, 1.0 / 24.0, 1.0 / 120.0, 1.0 / 720.0
 
 
-@inlined
-def _forces(x1: float, v1: float, x2: float, v2: float, u: float, p: Any) -> tuple[float, float]:
-    # linear forces do not depend on the direction of sliding
-    fs = spring_force(x1 - x2, v1 - v2, None, 0, p)
-    return force_1(x1, v1, 0.0, u, fs, 0.0, None, 0, p), force_2(x2, v2, 0.0, fs, 0.0, None, 0, p)
+@called
+def respond(h: float, p: Any, out: Any, stride: int) -> None:
+    """Write what a unit of everything does to the velocities within h: nine numbers, ``stride`` entries apart.
+
+    To v1: v1, v2, x1 - x2, u, friction; to v2: v1, v2, x1 - x2, friction. The forces are linear, so this says all.
+    """
+    w1, w2 = p[W1] * h, p[W2] * h
+    by_v1, by_v2 = spring_force(0.0, 1.0, None, 0, p), spring_force(0.0, -1.0, None, 0, p)
+    by_x = spring_force(1.0, 0.0, None, 0, p)
+    out[0] = w1 * force_1(0.0, 1.0, 0.0, 0.0, by_v1, 0.0, None, 0, p)
+    out[stride] = w1 * force_1(0.0, 0.0, 0.0, 0.0, by_v2, 0.0, None, 0, p)
+    out[2 * stride] = w1 * force_1(0.0, 0.0, 0.0, 0.0, by_x, 0.0, None, 0, p)
+    out[3 * stride] = w1 * force_1(0.0, 0.0, 0.0, 1.0, 0.0, 0.0, None, 0, p)
+    out[4 * stride] = w1 * level_1(0.0, 0.0, 0.0, 0.0, 0.0, None, 0, p)
+    out[5 * stride] = w2 * force_2(0.0, 0.0, 0.0, by_v1, 0.0, None, 0, p)
+    out[6 * stride] = w2 * force_2(0.0, 1.0, 0.0, by_v2, 0.0, None, 0, p)
+    out[7 * stride] = w2 * force_2(0.0, 0.0, 0.0, by_x, 0.0, None, 0, p)
+    out[8 * stride] = w2 * level_2(0.0, 0.0, 0.0, 0.0, 0.0, None, 0, p)
 
 
 @inlined
 def _direction(v: float, released: float, force: float, hold: float) -> float:
     """Return in which direction a cart slides from now on, 0 if it sticks."""
-    loose = released if released != 0.0 else ((1.0 if force > 0.0 else -1.0) if abs(force) > hold else 0.0)
-    return (1.0 if v > 0.0 else -1.0) if v != 0.0 else loose
+    towards = v if v != 0.0 else (released if released != 0.0 else force)
+    loose = (v != 0.0) | (released != 0.0) | (abs(force) > hold)
+    return copysign(1.0, towards) if loose else 0.0
 
 
 @inlined
@@ -69,59 +82,61 @@ def series(
     released_2: float,
     u: float,
     h: float,
-    p: Any,
+    share: float,
+    responses: Any,
     short: bool,
 ) -> Any:
-    """Return the motion over h: power series of x1, v1, x2, v2, then slack, direction and friction of either cart.
+    r"""Return the motion over a share of h: derivatives of v1 and v2, then slack, direction and friction of either cart.
 
-    A slack is the velocity of a sliding cart and the force on a sticking one, friction not subtracted yet. ``released`` is
-    the direction in which a cart was just torn loose, else 0. All series have seven coefficients; the last two are zero if
-    ``short``, which the compiler must know, so that nothing is computed for them.
+    Derivatives are by :math:`\tau`. A slack is a power series of seven coefficients: the velocity of a sliding cart, and
+    the force on a sticking one, as the change of velocity it would make, friction not subtracted yet. ``released`` is the
+    direction in which a cart was just torn loose, else 0; ``responses`` are those of :func:`respond`. The last two
+    derivatives and coefficients are zero if ``short``, which the compiler must know, so that nothing is computed for them.
     """
-    fs = spring_force(x1 - x2, v1 - v2, None, 0, p)
-    f0, g0 = force_1(x1, v1, 0.0, u, fs, 0.0, None, 0, p), force_2(x2, v2, 0.0, fs, 0.0, None, 0, p)
-    s1 = _direction(v1, released_1, f0, hold_1(x1, 1.0 if f0 > 0.0 else -1.0, fs, 0.0, None, 0, p))
-    s2 = _direction(v2, released_2, g0, hold_2(x2, 1.0 if g0 > 0.0 else -1.0, fs, 0.0, None, 0, p))
-    level1, level2 = level_1(x1, v1, s1, fs, 0.0, None, 0, p), level_2(x2, v2, s2, fs, 0.0, None, 0, p)
-    w1, w2 = (p[W1] * h if s1 != 0.0 else 0.0), (p[W2] * h if s2 != 0.0 else 0.0)
-    a1, b1 = h * v1, w1 * (f0 - s1 * level1)
-    c1, d1 = h * v2, w2 * (g0 - s2 * level2)
-    f1, g1 = _forces(a1, b1, c1, d1, 0.0, p)
-    a2, b2, c2, d2 = h * _HALF * b1, w1 * _HALF * f1, h * _HALF * d1, w2 * _HALF * g1
-    f2, g2 = _forces(a2, b2, c2, d2, 0.0, p)
-    a3, b3, c3, d3 = h * _THIRD * b2, w1 * _THIRD * f2, h * _THIRD * d2, w2 * _THIRD * g2
-    f3, g3 = _forces(a3, b3, c3, d3, 0.0, p)
-    a4, b4, c4, d4 = h * _QUARTER * b3, w1 * _QUARTER * f3, h * _QUARTER * d3, w2 * _QUARTER * g3
-    f4, f5, g4, g5 = 0.0, 0.0, 0.0, 0.0
-    a5, b5, c5, d5, a6, b6, c6, d6 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    if not short:
-        f4, g4 = _forces(a4, b4, c4, d4, 0.0, p)
-        a5, b5, c5, d5 = h * _FIFTH * b4, w1 * _FIFTH * f4, h * _FIFTH * d4, w2 * _FIFTH * g4
-        f5, g5 = _forces(a5, b5, c5, d5, 0.0, p)
-        a6, b6, c6, d6 = h * _SIXTH * b5, w1 * _SIXTH * f5, h * _SIXTH * d5, w2 * _SIXTH * g5
+    c11, c12, k1, cu, level1, c21, c22, k2, level2 = responses
+    c11, c12, k1, cu, level1 = c11 * share, c12 * share, k1 * share, cu * share, level1 * share
+    c21, c22, k2, level2 = c21 * share, c22 * share, k2 * share, level2 * share
+    x, r = x1 - x2, v1 - v2
+    f0 = fused(c11, v1, fused(c12, v2, fused(cu, u, k1 * x)))
+    g0 = fused(c22, v2, fused(c21, v1, k2 * x))
+    s1, s2 = _direction(v1, released_1, f0, level1), _direction(v2, released_2, g0, level2)
     m1, m2 = s1 != 0.0, s2 != 0.0
+    b1, d1 = (fused(-s1, level1, f0) if m1 else 0.0), (fused(-s2, level2, g0) if m2 else 0.0)
+    # the deflection's derivatives are those of its rate r
+    k1, k2 = k1 * (h * share), k2 * (h * share)
+    f1, g1 = fused(c11, b1, fused(c12, d1, k1 * r)), fused(c22, d1, fused(c21, b1, k2 * r))
+    b2, d2, r = (f1 if m1 else 0.0), (g1 if m2 else 0.0), b1 - d1
+    f2, g2 = fused(c11, b2, fused(c12, d2, k1 * r)), fused(c22, d2, fused(c21, b2, k2 * r))
+    b3, d3, r = (f2 if m1 else 0.0), (g2 if m2 else 0.0), b2 - d2
+    f3, g3 = fused(c11, b3, fused(c12, d3, k1 * r)), fused(c22, d3, fused(c21, b3, k2 * r))
+    b4, d4, r = (f3 if m1 else 0.0), (g3 if m2 else 0.0), b3 - d3
+    # the zero that adding leaves alone, so that the compiler drops the addition
+    f4, f5, g4, g5, b5, d5, b6, d6 = -0.0, -0.0, -0.0, -0.0, -0.0, -0.0, -0.0, -0.0
+    if not short:
+        f4, g4 = fused(c11, b4, fused(c12, d4, k1 * r)), fused(c22, d4, fused(c21, b4, k2 * r))
+        b5, d5, r = (f4 if m1 else 0.0), (g4 if m2 else 0.0), b4 - d4
+        f5, g5 = fused(c11, b5, fused(c12, d5, k1 * r)), fused(c22, d5, fused(c21, b5, k2 * r))
+        b6, d6 = (f5 if m1 else 0.0), (g5 if m2 else 0.0)
     return (
-        (x1, a1, a2, a3, a4, a5, a6),
-        (v1, b1, b2, b3, b4, b5, b6),
-        (x2, c1, c2, c3, c4, c5, c6),
-        (v2, d1, d2, d3, d4, d5, d6),
+        (v1, b1, b2, b3, b4, b5),
+        (v2, d1, d2, d3, d4, d5),
         (
             v1 if m1 else f0,
             b1 if m1 else f1,
-            b2 if m1 else f2,
-            b3 if m1 else f3,
-            b4 if m1 else f4,
-            b5 if m1 else f5,
-            b6 if m1 else 0.0,
+            _PER_2 * (b2 if m1 else f2),
+            _PER_6 * (b3 if m1 else f3),
+            _PER_24 * (b4 if m1 else f4),
+            _PER_120 * (b5 if m1 else f5),
+            _PER_720 * (b6 if m1 else -0.0),
         ),
         (
             v2 if m2 else g0,
             d1 if m2 else g1,
-            d2 if m2 else g2,
-            d3 if m2 else g3,
-            d4 if m2 else g4,
-            d5 if m2 else g5,
-            d6 if m2 else 0.0,
+            _PER_2 * (d2 if m2 else g2),
+            _PER_6 * (d3 if m2 else g3),
+            _PER_24 * (d4 if m2 else g4),
+            _PER_120 * (d5 if m2 else g5),
+            _PER_720 * (d6 if m2 else -0.0),
         ),
         s1,
         s2,
@@ -131,9 +146,32 @@ def series(
 
 
 @inlined
+def travelled(x: float, v: Any, h: float, short: bool) -> Any:
+    """Return the position after h, from that at the start and the derivatives of the velocity, to the same order."""
+    y = x
+    if not short:
+        y = fused(h * _PER_120, v[4], fused(h * _PER_720, v[5], x))
+    return fused(h, v[0], fused(h * _PER_2, v[1], fused(h * _PER_6, v[2], fused(h * _PER_24, v[3], y))))
+
+
+@inlined
+def path(x: float, v: Any, h: float) -> Any:
+    """Return the position as a power series, from its start and the derivatives of the velocity."""
+    return (
+        x,
+        h * v[0],
+        h * _PER_2 * v[1],
+        h * _PER_6 * v[2],
+        h * _PER_24 * v[3],
+        h * _PER_120 * v[4],
+        h * _PER_720 * v[5],
+    )
+
+
+@inlined
 def total(c: Any) -> Any:
     """Return a series' value at its end."""
-    return c[0] + (c[1] + (c[2] + (c[3] + (c[4] + (c[5] + c[6])))))
+    return ((c[0] + c[1]) + c[2]) + (c[3] + (c[4] + (c[5] + c[6])))
 
 
 @inlined
@@ -154,11 +192,23 @@ def lasts(c: Any, s: float, level: float) -> Any:
     A term of third or higher order is at most its coefficient times τ², which is what the last Bernstein coefficient
     weighs. Round-off may leave a cart that was just released with a slack of -1e-17; that is none.
     """
-    middle, last = c[0] + 0.5 * c[1], c[0] + c[1] + c[2]
+    middle, last = fused(0.5, c[1], c[0]), (c[0] + c[1]) + c[2]
     rest = abs(c[3]) + abs(c[4]) + abs(c[5]) + abs(c[6])
     middle = s * middle if s != 0.0 else level - abs(middle)
     last = s * last if s != 0.0 else level - abs(last)
     return (last >= rest) & (middle >= -1e-12 * last)
+
+
+@inlined
+def lasts_surely(c: Any, s: float, level: float) -> Any:
+    """Whether a cart keeps its mode, by a quicker test than :func:`lasts` that gives up a little sooner.
+
+    The middle Bernstein coefficient is the mean of the outer two, less half of c[2], and the first is never negative: if the
+    last exceeds abs(c[2]), none is.
+    """
+    last = (c[0] + c[1]) + c[2]
+    rest = abs(c[2]) + (abs(c[3]) + abs(c[4]) + abs(c[5]) + abs(c[6]))
+    return (s * last if s != 0.0 else level - abs(last)) >= rest
 
 
 @inlined
@@ -262,16 +312,19 @@ def _bracketed(q: Any, low: float, high: float) -> Any:
 
 @inlined
 def arrive(
-    x1: Any, v1: Any, x2: Any, v2: Any, s1: float, s2: float, t1: float, t2: float, side_1: float, side_2: float
+    x1: Any, c1: Any, x2: Any, c2: Any, s1: float, s2: float, t1: float, t2: float, side_1: float, side_2: float
 ) -> tuple[float, float, float, float, float, float, float]:
-    """Follow the series to the first event or the end: x1, v1, x2, v2, the share of time left, who was released where."""
+    """Follow the series to the first event or the end: x1, v1, x2, v2, the share of time left, who was released where.
+
+    ``c1`` and ``c2`` are the slacks, which are the velocities of sliding carts.
+    """
     t = min(t1, t2, 1.0)
     now_1, now_2 = t1 <= t, t2 <= t
     return (
         _value(x1, t),
-        0.0 if now_1 else _value(v1, t),
+        0.0 if now_1 | (s1 == 0.0) else _value(c1, t),
         _value(x2, t),
-        0.0 if now_2 else _value(v2, t),
+        0.0 if now_2 | (s2 == 0.0) else _value(c2, t),
         1.0 - t,
         side_1 if now_1 & (s1 == 0.0) else 0.0,
         side_2 if now_2 & (s2 == 0.0) else 0.0,

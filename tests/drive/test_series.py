@@ -6,7 +6,7 @@ import pytest
 
 from benchmarks.accuracy import excitations
 from flexdrive_gym import Drive
-from flexdrive_gym.drive import forces, parameters
+from flexdrive_gym.drive import forces, layout, parameters, series
 from tests.drive.drives import RIG
 from tests.drive.reference import TwoMasses
 
@@ -53,3 +53,15 @@ def test_base_effects_are_linear_and_their_friction_is_constant_as_the_series_ne
     assert np.array_equal(force(a, 1.0), force(a))
     levels = {forces.level_1(x, v, s, fs, t, None, 0, p) for x, v, s, fs, t in ((0, 1, 1, 0, 0), (9, -80, -1, 3, 2))}
     assert levels == {RIG["d1"]}
+
+
+def test_what_units_do_says_what_any_state_does():
+    p = parameters.vector({**RIG, "C": 0.002})
+    h, (x1, v1, x2, v2, u) = 1e-3, (1.0, -30.0, 0.4, 12.0, 3.0)
+    units = np.zeros(layout.RESPONSES)
+    series.respond(h, p, units, 1)
+    fs = forces.spring_force(x1 - x2, v1 - v2, None, 0, p)
+    f1, f2 = forces.force_1(x1, v1, 0.0, u, fs, 0.7, None, 0, p), forces.force_2(x2, v2, 0.0, fs, 0.7, None, 0, p)
+    assert units[:4] @ [v1, v2, x1 - x2, u] == pytest.approx(h * f1 / RIG["m1"], rel=1e-12)
+    assert units[5:8] @ [v1, v2, x1 - x2] == pytest.approx(h * f2 / RIG["m2"], rel=1e-12)
+    assert units[[4, 8]] == pytest.approx([h * RIG["d1"] / RIG["m1"], h * RIG["d2"] / RIG["m2"]], rel=1e-12)

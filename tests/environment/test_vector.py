@@ -6,6 +6,7 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 from flexdrive_gym import Drive
+from flexdrive_gym.drive.layout import GROUP, LANES
 from flexdrive_gym.fleet import KEYS, LEAST_PER_THREAD
 from tests.drive.drives import RIG
 
@@ -93,6 +94,18 @@ def test_bit_equal_to_the_single_environment(name, n):
         observation, reward, terminated, truncated, _info = env.step(action)
         found.append(np.column_stack([observation.astype(np.float64), reward, terminated, truncated]))
     assert np.array_equal(np.swapaxes(np.array(found), 0, 1), singles(n, actions, 11, **arguments))
+
+
+@pytest.mark.parametrize("arguments", [RANDOM, {"effects": {"input_delay.tau": 0.0033}}])
+def test_a_drive_does_not_notice_its_neighbours(arguments):
+    # drives with an event are moved together, of a group of strips at a time: here one group and a bit
+    first = GROUP * LANES - 5
+    many, few = batched(first + 20, duration=0.1, **arguments), batched(20, duration=0.1, **arguments)
+    assert np.array_equal(many.reset(seed=3)[0][first:], few.reset(seed=3 + first)[0])
+    actions = np.random.default_rng(4).uniform(-1, 1, (45, first + 20, 1)).astype(np.float32)
+    for action in actions:
+        for a, b in zip(many.step(action)[:4], few.step(action[first:])[:4], strict=True):
+            assert np.array_equal(a[first:], b)
 
 
 @pytest.mark.slow
