@@ -175,13 +175,14 @@ def total(c: Any) -> Any:
 
 
 @inlined
-def _value(c: Any, t: float) -> Any:
-    return fused(t, fused(t, fused(t, fused(t, fused(t, fused(t, c[6], c[5]), c[4]), c[3]), c[2]), c[1]), c[0])
+def _value(c: Any, t: float, short: bool) -> Any:
+    high = c[4] if short else fused(t, fused(t, c[6], c[5]), c[4])
+    return fused(t, fused(t, fused(t, fused(t, high, c[3]), c[2]), c[1]), c[0])
 
 
 @inlined
-def _slope(c: Any, t: float) -> Any:
-    high = fused(t, fused(t, 6.0 * c[6], 5.0 * c[5]), 4.0 * c[4])
+def _slope(c: Any, t: float, short: bool) -> Any:
+    high = 4.0 * c[4] if short else fused(t, fused(t, 6.0 * c[6], 5.0 * c[5]), 4.0 * c[4])
     return fused(t, fused(t, fused(t, high, 3.0 * c[3]), 2.0 * c[2]), c[1])
 
 
@@ -236,7 +237,7 @@ def _guess(q: Any) -> Any:
 
 
 @inlined
-def next_event(c1: Any, c2: Any, s1: float, s2: float, level1: float, level2: float) -> Any:
+def next_event(c1: Any, c2: Any, s1: float, s2: float, level1: float, level2: float, short: bool) -> Any:
     """Return when the first cart's mode ends, which cart's, to which sides carts tear loose, and whether that is certain.
 
     The instants are :data:`_NEVER` for carts that keep their mode, or do so for longer than the other.
@@ -260,9 +261,9 @@ def next_event(c1: Any, c2: Any, s1: float, s2: float, level1: float, level2: fl
         q1[6] if first else q2[6],
     )
     t = t1 if first else t2
-    t -= _value(q, t) / _slope(q, t)
-    t -= _value(q, t) / _slope(q, t)
-    found = (abs(_value(q, t)) <= 1e-13 * (abs(q[0]) + abs(q[1]) + abs(q[2]))) & (t > 0.0) & (t <= 1.0)
+    t -= _value(q, t, short) / _slope(q, t, short)
+    t -= _value(q, t, short) / _slope(q, t, short)
+    found = (abs(_value(q, t, short)) <= 1e-13 * (abs(q[0]) + abs(q[1]) + abs(q[2]))) & (t > 0.0) & (t <= 1.0)
     # both at about the same time: whichever is first is not for a guess to say
     apart = abs(t1 - t2) > 1e-2
     none = quiet_1 & quiet_2
@@ -279,11 +280,11 @@ def search(
     before = 0.0
     for i in range(1, parts + 1):
         after = i / parts
-        now = _value(c, after)
+        now = _value(c, after, False)
         side = 1.0 if now > 0.0 else -1.0
         f = s if s != 0.0 else -side
         q = (f * c0 + (0.0 if s != 0.0 else level), f * c1, f * c2, f * c3, f * c4, f * c5, f * c6)
-        if _value(q, after) < 0.0:
+        if _value(q, after, False) < 0.0:
             return _bracketed(q, before, after), side
         before = after
     return _NEVER, 0.0
@@ -292,11 +293,11 @@ def search(
 @inlined
 def _bracketed(q: Any, low: float, high: float) -> Any:
     """Return a root between a slack that is not negative and one that is: Newton's method, kept inside by bisection."""
-    if _value(q, low) <= 0.0:
+    if _value(q, low, False) <= 0.0:
         return low
     t = 0.5 * (low + high)
     for _ in range(60):
-        value, slope = _value(q, t), _slope(q, t)
+        value, slope = _value(q, t, False), _slope(q, t, False)
         if value < 0.0:
             high = t
         else:
@@ -312,7 +313,17 @@ def _bracketed(q: Any, low: float, high: float) -> Any:
 
 @inlined
 def arrive(
-    x1: Any, c1: Any, x2: Any, c2: Any, s1: float, s2: float, t1: float, t2: float, side_1: float, side_2: float
+    x1: Any,
+    c1: Any,
+    x2: Any,
+    c2: Any,
+    s1: float,
+    s2: float,
+    t1: float,
+    t2: float,
+    side_1: float,
+    side_2: float,
+    short: bool,
 ) -> tuple[float, float, float, float, float, float, float]:
     """Follow the series to the first event or the end: x1, v1, x2, v2, the share of time left, who was released where.
 
@@ -321,10 +332,10 @@ def arrive(
     t = min(t1, t2, 1.0)
     now_1, now_2 = t1 <= t, t2 <= t
     return (
-        _value(x1, t),
-        0.0 if now_1 | (s1 == 0.0) else _value(c1, t),
-        _value(x2, t),
-        0.0 if now_2 | (s2 == 0.0) else _value(c2, t),
+        _value(x1, t, short),
+        0.0 if now_1 | (s1 == 0.0) else _value(c1, t, short),
+        _value(x2, t, short),
+        0.0 if now_2 | (s2 == 0.0) else _value(c2, t, short),
         1.0 - t,
         side_1 if now_1 & (s1 == 0.0) else 0.0,
         side_2 if now_2 & (s2 == 0.0) else 0.0,
