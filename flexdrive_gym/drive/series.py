@@ -65,11 +65,11 @@ def respond(h: float, p: Any, out: Any, stride: int) -> None:
 
 
 @inlined
-def _direction(v: float, released: float, force: float, hold: float) -> float:
-    """Return in which direction a cart slides from now on, 0 if it sticks."""
+def _mode(v: float, released: float, force: float, hold: float) -> Any:
+    """Return whether a cart slides from now on, in which direction (0 if it sticks), and what friction leaves of the force."""
     towards = v if v != 0.0 else (released if released != 0.0 else force)
     loose = (v != 0.0) | (released != 0.0) | (abs(force) > hold)
-    return copysign(1.0, towards) if loose else 0.0
+    return loose, (copysign(1.0, towards) if loose else 0.0), (force - copysign(hold, towards) if loose else 0.0)
 
 
 @inlined
@@ -97,11 +97,10 @@ def series(
     c11, c12, k1, cu, level1 = c11 * share, c12 * share, k1 * share, cu * share, level1 * share
     c21, c22, k2, level2 = c21 * share, c22 * share, k2 * share, level2 * share
     x, r = x1 - x2, v1 - v2
-    f0 = fused(c11, v1, fused(c12, v2, fused(cu, u, k1 * x)))
-    g0 = fused(c22, v2, fused(c21, v1, k2 * x))
-    s1, s2 = _direction(v1, released_1, f0, level1), _direction(v2, released_2, g0, level2)
-    m1, m2 = s1 != 0.0, s2 != 0.0
-    b1, d1 = (fused(-s1, level1, f0) if m1 else 0.0), (fused(-s2, level2, g0) if m2 else 0.0)
+    f0 = fused(c11, v1, c12 * v2) + fused(cu, u, k1 * x)
+    g0 = fused(c22, v2, c21 * v1) + k2 * x
+    m1, s1, b1 = _mode(v1, released_1, f0, level1)
+    m2, s2, d1 = _mode(v2, released_2, g0, level2)
     # the deflection's derivatives are those of its rate r
     k1, k2 = k1 * (h * share), k2 * (h * share)
     f1, g1 = fused(c11, b1, fused(c12, d1, k1 * r)), fused(c22, d1, fused(c21, b1, k2 * r))
@@ -208,7 +207,7 @@ def lasts_surely(c: Any, s: float, level: float) -> Any:
     last exceeds abs(c[2]), none is.
     """
     last = (c[0] + c[1]) + c[2]
-    rest = abs(c[2]) + (abs(c[3]) + abs(c[4]) + abs(c[5]) + abs(c[6]))
+    rest = abs(c[2]) + abs(c[3]) + abs(c[4]) + abs(c[5]) + abs(c[6])
     return (s * last if s != 0.0 else level - abs(last)) >= rest
 
 
