@@ -239,4 +239,4 @@ class FlexDriveEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
 
 
 _REBUILT = {"_fleet", "_renderer", "_actions", "_kernel", "_z", "_slots", "_idle", "_idle_info"}
-_KEPT = ("actions", "state", "clock", "seeds", "p", "row", "memory", "tables", "lanes", "told", "line")
+_KEPT = ("actions", "state", "clock", "seeds", "p", "begin", "memory", "tables", "lanes", "told", "line")

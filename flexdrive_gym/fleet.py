@@ -111,6 +111,9 @@ class Fleet:
         self.p = np.tile(vector if full else vector[:N_BASE_PARAMETERS], (models, 1))
         self.z = np.zeros((n, WORKSPACE)) if full else None
         self.bound = (np.ones(len(entries)) if task.normalise else limits).astype(np.float32)
+        scale = 1.0 / limits if task.normalise else np.ones(len(entries))
+        # the space's bounds are single precision: clip to what they are
+        bound = self.bound.astype(np.float64)
         alone = n if self.one_by_one else 0
         self.arrays: dict[str, npt.NDArray[Any]] = {
             "actions": self.actions,
@@ -118,17 +121,15 @@ class Fleet:
             "state": self._state,
             "told": self._told,
             "clock": self.clock,
-            "row": np.zeros(n, dtype=np.int64),
+            "begin": np.zeros(n, dtype=np.int64),
             "seeds": self.seeds,
             "p": self.p,
             "lanes": np.zeros((strips if drawn.names else 1, layout.PARAMETER_ROWS, layout.ROW)),
             "tables": np.zeros((min(alone, models), lanes.TABLE_COLUMNS)),
             "memory": np.zeros((alone, MEMORY)),
-            "references": task.references,
-            "ahead": task.ahead,
-            "scale": 1.0 / limits if task.normalise else np.ones(len(entries)),
-            # the space's bounds are single precision: clip to what they are
-            "bound": self.bound.astype(np.float64),
+            "lookup": _lookup(task, scale, bound),
+            "scale": scale,
+            "bound": bound,
             "nominal": np.array([rig[name] for name in drawn.names]),
             "which": np.array([parameters.index(name) for name in drawn.names], dtype=np.int64),
             "inverse": np.array([name in parameters.MASS_PARAMETERS for name in drawn.names], dtype=np.int64),
@@ -146,7 +147,7 @@ class Fleet:
             layout.SHORT: int(short),
             layout.ENTRIES: len(entries),
             layout.PREVIEWS: len(task.ahead),
-            layout.SAMPLES: task.references.shape[1],
+            layout.SAMPLES: self.arrays["lookup"].shape[1],
             layout.REFERENCES: task.references.shape[0],
             layout.ONE_BY_ONE: int(self.one_by_one),
             layout.DRAWN: len(drawn.names),
@@ -245,7 +246,8 @@ class Fleet:
             own: dict[str, npt.NDArray[Any]] = {
                 "work": np.zeros(max(layout.LANES_WORK, sizes[layout.DRAWN])),
                 "picks": np.zeros(layout.GATHERED, dtype=np.int64),
-                "seen": np.zeros((len(self.bound), layout.ROW), dtype=np.float32),
+                "shown": np.zeros((layout.LANES, sizes[layout.PREVIEWS] + 1), dtype=np.float32),
+                "entries": np.zeros((len(self.bound), layout.ROW), dtype=np.float32),
             }
             block = np.zeros(layout.BLOCK, dtype=np.int64)
             for i, value in {**sizes, layout.LOW: int(low), layout.HIGH: min(int(high), self.n)}.items():
@@ -276,6 +278,24 @@ def _constants(task: Task) -> FloatArray:
         task.control_period, task.travel_limit, task.stroke_limit, *weights,
         ERROR_SCALE_MM, task.voltage, task.horizon, task.noise,
     ])  # fmt: skip
+
+
+def _lookup(task: Task, scale: FloatArray, bound: FloatArray) -> npt.NDArray[Any]:
+    """Return a row per reference and instant: its value, then value and preview as the observation shows them.
+
+    All that a drive looks up in a step is then in one place.
+    """
+    instants = (0, *task.ahead)
+    row = np.dtype([("exact", np.float64), ("shown", np.float32, (len(instants),))], align=True)
+    samples = task.horizon + 2
+    table = np.zeros((len(task.references), samples), dtype=row)
+    table["exact"] = task.references[:, :samples]
+    # entries are error, reference, command, preview at the end
+    places = (-2 - len(task.ahead), *range(-len(task.ahead), 0))
+    for k, (ahead, place) in enumerate(zip(instants, places, strict=True)):
+        values = task.references[:, ahead : ahead + samples] * scale[place]
+        table["shown"][:, :, k] = np.clip(values, -bound[place], bound[place])
+    return table
 
 
 def _is_base(name: str) -> bool:

@@ -133,26 +133,32 @@ def delay_readings(low: int, n: int, late: int, clock: Any, line: Any, state: An
 
 
 @inlined
-def refer(n: int, task: Any, samples: int, clock: Any, row: Any, references: Any, work: Any) -> bool:
-    """Advance the clocks and look the reference up; return whether all drives are at the same place of it.
-
-    Clocks stop one period after the time limit, where the reference ends.
-    """
+def tick(n: int, task: Any, clock: Any) -> None:
+    """Advance the clocks; they stop one period after the time limit, where the reference ends."""
     last = int(task[HORIZON]) + 1
-    different = 0
     for i in range(n):
-        now = min(clock[i] + 1, last)
-        clock[i] = now
-    for i in range(n):
-        different += 1 if (clock[i] != clock[0]) | (row[i] != row[0]) else 0
-    if different == 0:
-        here = references[row[0] * samples + clock[0]]
+        clock[i] = min(clock[i] + 1, last)
+
+
+@inlined
+def look_up(n: int, width: int, clock: Any, begin: Any, exact: Any, rounded: Any, reference: Any, shown: Any) -> None:
+    """Look reference and preview up: copy a row of the table per drive.
+
+    ``exact`` and ``rounded`` point to the table, whose rows are a double and ``width`` singles. The singles go to ``shown``
+    drive by drive, in one piece: the processor finishes one store to another place per cycle.
+    """
+    if width == 4:
         for i in range(n):
-            work[REFERENCE + i] = here
+            at = 3 * (begin[i] + clock[i])
+            reference[i] = exact[at]
+            here, there = shifted(rounded, 2 * at + 2), shifted(shown, 4 * i)
+            there[0], there[1], there[2], there[3] = here[0], here[1], here[2], here[3]
     else:
         for i in range(n):
-            work[REFERENCE + i] = references[row[i] * samples + clock[i]]
-    return different == 0
+            at = (1 + (width + 1) // 2) * (begin[i] + clock[i])
+            reference[i] = exact[at]
+            for k in range(width):
+                shown[width * i + k] = rounded[2 * at + 2 + k]
 
 
 @inlined
