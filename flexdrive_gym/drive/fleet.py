@@ -113,7 +113,7 @@ from flexdrive_gym.drive.sensing import (
     look_up,
     next_normal,
     next_random,
-    sense,
+    sense_and_judge,
     sense_each,
     tell,
     tick,
@@ -208,13 +208,14 @@ def _finish_strip(begin: int, n: int, shared: bool, block: Any, q: Any, state: A
     clocks, p = integers_at(block[A_CLOCK]), floats_at(block[A_P])
     clock = shifted(clocks, begin)
     reward = shifted(floats_at(block[A_REWARD]), begin)
-    if z is None:
-        sense(padded(n), period, q, state, work)
-    else:
+    if z is not None:
         sense_each(begin, n, shared, period, clocks, p, z, q, state, work)
     tick(n, task, clock)
     _look_up(begin, n, block, work)
-    judge(n, task, q, state, reward, work)
+    if z is None:
+        sense_and_judge(n, task, q, state, reward, work)
+    else:
+        judge(n, task, q, state, reward, work)
     if block[TELLS] == 1:
         tell(n, task, q, state, shifted(floats_at(block[A_TOLD]), begin // LANES * TOLD_ROWS * ROW), work)
     terminated, truncated = flags_at(block[A_TERMINATED]), flags_at(block[A_TRUNCATED])

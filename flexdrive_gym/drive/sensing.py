@@ -22,6 +22,7 @@ from flexdrive_gym.drive.layout import (
     NOISE_1,
     NOISE_2,
     OPEN,
+    PERIOD,
     RATE,
     READ_1,
     READ_2,
@@ -95,16 +96,6 @@ def _differentiate(i: int, r1: float, r2: float, per_second: float, z: Any, p: A
     state[SPEED_2 + i] = velocity(raw_2, state[SPEED_2 + i], q[DECAY_2 + i])
     state[READ_1 + i] = r1
     state[READ_2 + i] = r2
-
-
-@inlined
-def sense(n: int, period: float, q: Any, state: Any, work: Any) -> None:
-    """Read the encoders of drives with base effects."""
-    per_second = 1.0 / period
-    for i in range(n):
-        p = parameters_of(q, i)
-        r1, r2 = readings(state[X1 + i], state[V1 + i], state[X2 + i], state[V2 + i], 0.0, period, None, p)
-        _differentiate(i, r1 + work[NOISE_1 + i], r2 + work[NOISE_2 + i], per_second, None, p, q, state)
 
 
 @inlined
@@ -192,13 +183,30 @@ def _judged(i: int, scales: Any, q: Any, state: Any, work: Any) -> tuple[float, 
 
 
 @inlined
+def _judge(i: int, scales: Any, q: Any, state: Any, reward: Any, work: Any) -> None:
+    _error, tracking, effort, failure, beyond = _judged(i, scales, q, state, work)
+    reward[i] = tracking + effort + work[RATE + i] + failure
+    work[OPEN + i] = beyond
+
+
+@inlined
 def judge(n: int, task: Any, q: Any, state: Any, reward: Any, work: Any) -> None:
     """Sum the reward up."""
     scales = _scales(task)
     for i in range(n):
-        _error, tracking, effort, failure, beyond = _judged(i, scales, q, state, work)
-        reward[i] = tracking + effort + work[RATE + i] + failure
-        work[OPEN + i] = beyond
+        _judge(i, scales, q, state, reward, work)
+
+
+@inlined
+def sense_and_judge(n: int, task: Any, q: Any, state: Any, reward: Any, work: Any) -> None:
+    """Read the encoders of drives with base effects, and do what :func:`judge` does: divisions take their time meanwhile."""
+    scales, period = _scales(task), task[PERIOD]
+    per_second = 1.0 / period
+    for i in range(n):
+        p = parameters_of(q, i)
+        r1, r2 = readings(state[X1 + i], state[V1 + i], state[X2 + i], state[V2 + i], 0.0, period, None, p)
+        _differentiate(i, r1 + work[NOISE_1 + i], r2 + work[NOISE_2 + i], per_second, None, p, q, state)
+        _judge(i, scales, q, state, reward, work)
 
 
 @inlined
@@ -221,7 +229,7 @@ def conclude(n: int, horizon: float, clock: Any, terminated: Any, truncated: Any
     ended = 0
     for i in range(n):
         lost, over = work[OPEN + i] > 0.0, clock[i] >= horizon
-        terminated[i] = 1 if lost else 0
-        truncated[i] = 1 if over & (not lost) else 0
-        ended += 1 if lost | over else 0
+        terminated[i] = lost
+        truncated[i] = over & (not lost)
+        ended += lost | over
     return ended
