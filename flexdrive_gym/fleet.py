@@ -155,7 +155,7 @@ class Fleet:
             layout.LATE: task.late,
             layout.TELLS: int(tells),
         }
-        self._everyone = np.ones(n, dtype=np.bool_)
+        self._everyone = np.arange(n)
         useful = max(1, min(threads, n // LEAST_PER_THREAD))
         self._parts, self._work = self._divide(sizes, useful * SHARES if useful > 1 else 1)
         self._helpers = useful - 1
@@ -176,14 +176,13 @@ class Fleet:
         where = self._everyone if mask is None else mask
         self.seeds[where] = mixed[where]
 
-    def reset(self, mask: BoolArray | None = None, start: npt.ArrayLike = (0.0, 0.0, 0.0, 0.0)) -> None:
-        """Start new episodes of the (masked) drives at x1, v1, x2, v2; writes into :attr:`outputs`."""
+    def reset(self, which: npt.NDArray[np.int64] | None = None, start: npt.ArrayLike = (0.0, 0.0, 0.0, 0.0)) -> None:
+        """Start new episodes of the drives with these numbers, or of all, at x1, v1, x2, v2; writes into :attr:`outputs`."""
         begin = np.array(start, dtype=np.float64)
         if begin.shape != (4,) or not np.all(np.isfinite(begin)):
             raise ValueError(f"state: must be four finite numbers x1, v1, x2, v2; got {start!r}.")
-        where = self._everyone if mask is None else mask
         for address in self.outputs.addresses:
-            kernels.reset_fleet(address, where, begin, self.z)
+            kernels.reset_fleet(address, self._everyone if which is None else which, begin, self.z)
 
     def step(self) -> Outputs:
         """Advance all drives by one control period under ``actions``; return :attr:`outputs`, others than before."""

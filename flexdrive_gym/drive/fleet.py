@@ -304,10 +304,11 @@ def prepare_fleet(address: int, z: Any) -> None:
 
 
 @kernel
-def reset_fleet(address: int, mask: Any, start: Any, z: Any) -> None:
-    """Start a new episode of the masked drives: draw parameters and reference, at ``start``.
+def reset_fleet(address: int, which: Any, start: Any, z: Any) -> None:
+    """Start a new episode of some drives: draw parameters and reference, at ``start``.
 
-    ``mask`` (n,) is bool, ``start`` (4,) is x1, v1, x2, v2; the rest is as in :func:`step_fleet`.
+    ``which`` are their numbers, of which those in the block's range count; ``start`` (4,) is x1, v1, x2, v2; the rest is as
+    in :func:`step_fleet`.
     """
     block = integers_at(address)
     shared = block[DRAWN] == 0
@@ -315,8 +316,8 @@ def reset_fleet(address: int, mask: Any, start: Any, z: Any) -> None:
     reward = floats_at(block[A_REWARD])
     terminated, truncated = flags_at(block[A_TERMINATED]), flags_at(block[A_TRUNCATED])
     extra, line = pointer(z), floats_at(block[A_LINE])
-    for j in range(block[LOW], block[HIGH]):
-        if not mask[j]:
+    for j in which:
+        if not block[LOW] <= j < block[HIGH]:
             continue
         q = shifted(floats_at(block[A_P]), (0 if shared else j) * stride(extra))
         space = shifted(extra, j * WORKSPACE)
