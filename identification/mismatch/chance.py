@@ -109,9 +109,12 @@ def chance(bench: Workbench, screened: Mapping[View, Sequence[Screened]], null: 
         e = bench.seen(view, null)
         e -= present @ (present.T @ e)
         total = np.maximum(np.sum(e**2, axis=0), 1e-300)
+        narrow = e.astype(np.float32)
         parts = [entries[i : i + _PART] for i in range(0, len(entries), _PART)]
         shares = [
-            found / total for part in bench.pool.map(lambda p, e=e: explained(bench, p, e), parts) for found in part
+            found / total
+            for part in bench.pool.map(lambda p, e=narrow: explained(bench, p, e), parts)
+            for found in part
         ]
         names = tuple(dict.fromkeys(s.candidate.name for s in entries))
         views.append(
