@@ -71,8 +71,8 @@ class Plan:
 
     feedback: Feedback = "x2"
     seed: int = 0
-    steps: int = 3_000_000
-    envs: int = 1024
+    steps: int = 500_000
+    envs: int = 64
     history: int = 4
     threads: int = 1
 
@@ -124,7 +124,7 @@ def train(
     folder: Path,
     *,
     name: str = "agent",
-    checkpoint_every: int = 500_000,
+    checkpoint_every: int = 100_000,
     resume: bool = False,
     tell: Tell = lambda _steps, _error: None,
 ) -> Trained:
@@ -248,7 +248,7 @@ class _Course(BaseCallback):
 
     def _look(self, steps: int) -> None:
         candidate = layers(self.model)
-        error = self.evaluate(Agent(self.name, candidate, ACTIVATION, self.task, self.plan.history))
+        error = self.evaluate(Agent(self.name, candidate, ACTIVATION, self.task, self.plan.history).act_many)
         if not self.curve or error < min(found for _steps, _seconds, found in self.curve):
             self.best = [torch.as_tensor(array) for layer in candidate for array in layer]
         self.curve.append((steps, self._elapsed(), error))
