@@ -28,7 +28,7 @@ def train(
     drive: Annotated[
         Path | None,
         typer.Argument(
-            exists=True, dir_okay=False, metavar="[DRIVE]", help="A drive.toml; default: the rig of winter 2022."
+            exists=True, dir_okay=False, metavar="DRIVE", help="A drive.toml; default: the rig of winter 2022."
         ),
     ] = None,
     output: Annotated[
@@ -45,7 +45,10 @@ def train(
     checkpoint_every: Annotated[int, typer.Option(min=1, help="Steps between checkpoints.")] = 100_000,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint in the folder.")] = False,
     reproduce: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Retrain a ready-trained agent by its card and compare.")
+        str | None,
+        typer.Option(
+            metavar="NAME", help="Retrain a ready-trained agent: drive and options as its card says; compare."
+        ),
     ] = None,
     json: Json = False,
 ) -> None:
@@ -60,6 +63,8 @@ def train(
     from baselines.rl.agents import find_agent  # noqa: PLC0415
     from flexdrive_gym import DEFAULT_DRIVE, load_drive  # noqa: PLC0415
 
+    if reproduce is not None and drive is not None:
+        raise ValueError(f"drive: {reproduce} is retrained on the drive of its card; got {drive} too. Leave DRIVE out.")
     original = None if reproduce is None else find_agent(reproduce)
     if original is None:
         rig = DEFAULT_DRIVE if drive is None else load_drive(drive)

@@ -14,7 +14,8 @@ pytest.importorskip("stable_baselines3", reason="needs the extra rl")
 
 import torch
 
-from baselines.rl.agents import load_agent
+from baselines.commands.train import compared, sentence
+from baselines.rl.agents import Agent, load_agent
 from baselines.rl.checkpoints import read_checkpoint
 from baselines.rl.curriculum import around, evaluation_reference, training_reference
 from baselines.rl.features import features
@@ -158,8 +159,6 @@ def test_a_rigid_drive_cannot_be_trained_on(tmp_path):
 
 
 def test_the_exported_agent_is_the_network_that_was_trained():
-    from baselines.rl.agents import Agent
-
     env = training_drives(DEFAULT_DRIVE, SMALL)
     env.seed(0)
     model = learner(env, 2, seed=0, gain=0.1)
@@ -228,6 +227,17 @@ def test_drives_around_an_identified_one_are_three_times_as_wide_as_its_covarian
     drive = DEFAULT_DRIVE.replace({}, covariance=covariance)
     task = Task("non_collocated", **around(drive))
     assert np.diag(task.randomisation.factor) == pytest.approx([3e-5, 0.03])
+
+
+def test_a_retrained_agent_is_compared(whole):
+    agent = whole[1].agent
+    equal = compared(agent, agent)
+    assert equal["equal"]
+    assert sentence(equal) == "agent is reproduced bit by bit."
+    (W, b), *more = agent.layers
+    other = Agent(agent.name, [(W, b + 0.25), *more], agent.activation, agent.task, agent.history, agent.card)
+    assert compared(agent, other)["largest_weight_difference"] == pytest.approx(0.25)
+    assert "weights differ by up to 0.25" in sentence(compared(agent, other))
 
 
 def test_the_command_refuses_what_it_cannot_do(tmp_path):
