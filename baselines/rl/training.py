@@ -244,6 +244,7 @@ class _Course(BaseCallback):
         lines = ["steps,seconds,rms_mm_unseen_references", *(f"{a},{b:.2f},{c:.4f}" for a, b, c in self.curve)]
         write_atomically(self.folder / CURVE, "\n".join(lines) + "\n")
         (self.folder / CHECKPOINT).unlink(missing_ok=True)
+        self.logger.close()
         return Trained(agent, tuple(self.curve))
 
     def _look(self, steps: int) -> None:

@@ -63,9 +63,8 @@ def test_the_same_plan_gives_the_same_agent_and_another_seed_another(whole, tmp_
     assert not same(other.agent, whole[1].agent)
 
 
-@pytest.mark.parametrize("after", [1, 3])
-def test_an_interrupted_training_goes_on_as_if_nothing_had_happened(whole, tmp_path, after):
-    calls = []
+def test_an_interrupted_training_goes_on_as_if_nothing_had_happened(whole, tmp_path):
+    calls, after = [], 3
 
     def interrupt(steps, _error):
         calls.append(steps)
