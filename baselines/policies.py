@@ -7,6 +7,7 @@ actions. A linear controller runs at its own sample time, so its environment nee
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -113,7 +114,8 @@ class PolicyController:
 
     def following(self, reference: npt.ArrayLike) -> PolicyController:
         """Return the controller for a run along another reference, which its preview is then read from."""
-        return replace(self, reference=np.asarray(reference, dtype=np.float64))
+        # a policy that remembers must not share its past with runs side by side
+        return replace(self, policy=copy(self.policy), reference=np.asarray(reference, dtype=np.float64))
 
     def reset(self) -> None:
         """Forget the past."""
