@@ -7,6 +7,7 @@ actions. A linear controller runs at its own sample time, so its environment nee
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -80,8 +81,8 @@ class PolicyController:
     ----------
     policy
         Observation of the environment to action, ndarray of shape (1,) or a number. It travels to other processes, so it must
-        pickle where these are used. Where it has ``act_many`` (observations, shape (n, entries), to actions, shape (n, 1)),
-        many drives are run with it at once.
+        pickle where these are used. Where it has ``act_many``, many drives are run with it at once: the last ``history``
+        observations of each (1 where it does not say), newest first, shape (n, history * entries), to actions, shape (n, 1).
     task
         The arguments of the environment for which the policy was made: sensing, scaling, preview, control period.
     sample_time
@@ -111,7 +112,8 @@ class PolicyController:
 
     def following(self, reference: npt.ArrayLike) -> PolicyController:
         """Return the controller for a run along another reference, which its preview is then read from."""
-        return replace(self, reference=np.asarray(reference, dtype=np.float64))
+        # a policy that remembers must not share its past with runs side by side
+        return replace(self, policy=copy(self.policy), reference=np.asarray(reference, dtype=np.float64))
 
     def reset(self) -> None:
         """Forget the past."""
@@ -150,6 +152,7 @@ class PolicyBatch:
         self._period = 0
         self._u = np.zeros(rigs)
         self._previous: FloatArray | None = None
+        self._past: list[npt.NDArray[np.float32]] | None = None
         self._speed = np.zeros((rigs, 2))
         reset = getattr(self._policy, "reset", None)
         if reset is not None:
@@ -173,11 +176,13 @@ class PolicyBatch:
         seen = self._entries(xr, readings)
         self._period += 1
         many = getattr(self._policy, "act_many", None)
-        actions = (
-            np.asarray(many(seen), dtype=np.float64)[:, 0]
-            if many is not None
-            else np.array([float(np.ravel(self._policy(row))[0]) for row in seen])
-        )
+        if many is None:
+            actions = np.array([float(np.ravel(self._policy(row))[0]) for row in seen])
+        else:
+            # before the run everything was as it is now
+            past = [seen] * getattr(self._policy, "history", 1) if self._past is None else [seen, *self._past[:-1]]
+            self._past = past
+            actions = np.asarray(many(np.hstack(past)), dtype=np.float64)[:, 0]
         self._u = self._task.voltage * np.clip(np.where(np.isfinite(actions), actions, 0.0), -1.0, 1.0)
         return self._u
 
