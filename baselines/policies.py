@@ -143,9 +143,8 @@ class PolicyBatch:
     def __init__(self, controller: PolicyController, rigs: int) -> None:
         task = self._task = controller.task
         self._policy = controller.policy
-        self._step, self._table = (
-            (1, task.references[0]) if controller.reference is None else (controller.every, controller.reference)
-        )
+        self._step = 1 if controller.reference is None else controller.every
+        self._table: FloatArray = task.references[0] if controller.reference is None else controller.reference
         self._bounds = np.array([bound for _name, _unit, bound in task.names()])
         keys = [f"velocity_processing.encoder_{i}.cutoff" for i in (1, 2)]
         self._keep = np.array([_decay(task.rig, key, task.control_period) for key in keys])
