@@ -104,7 +104,7 @@ def sweep(
         )
     if not A.min() > 0.0:
         raise ValueError(f"amplitudes: must be positive [mm]; got {A.min():g}.")
-    t = np.arange(round((SETTLING_S + WINDOW_S) / sample_time)) * sample_time
+    t = np.asarray(np.arange(round((SETTLING_S + WINDOW_S) / sample_time)) * sample_time, dtype=np.float64)
     phase = 2.0 * np.pi * np.tile(f, len(A))[:, None] * t
     size = np.repeat(A, len(f))[:, None]
     # the reference rests at 0, so the reading is the error's negative

@@ -4,7 +4,8 @@ Nothing is asked of the controller but the protocol, so the same trial serves P-
 *linear* drive (friction, encoder counts and command limit off) the response to a displaced start decays below the margin and
 grows beyond it, whatever its size: the trial compares the size of the motion in two late windows. On the *full* drive the
 limit depends on amplitude; there the contract's rule decides (the handout's first move, then held for 12 s: unstable if x2
-swings more than 25 mm within the last 6 s).
+swings more than 25 mm within the last 6 s), and one line more: the command at its limit for a tenth of that time fails too,
+because a loop faster than P-control vibrates between the limits without swinging that far.
 
 A linear controller and a policy that answers for many are tried many gains or delays at once. The whole samples of a delay are
 held back between controller and drive, the rest is the drive's own input delay.
@@ -37,6 +38,8 @@ _SWING_MM = 25.0
 _PRECISION = 2e-3
 _FAR_MM = 1e6
 _AT_ONCE = 14
+# of the samples at the end; a loop that holds a reference needs the limit for none
+_LIMITED_SHARE = 0.1
 
 
 @dataclass(frozen=True)
@@ -67,14 +70,14 @@ def _split(drive: Drive, delay: float, sample_time: float) -> tuple[Drive, int]:
     return drive.replace({"input_delay.tau": drive["input_delay.tau"] + rest}), whole
 
 
-def _positions(
+def _runs(
     drive: Drive, controller: Controller, gains: Sequence[float], delays: Sequence[float], xr: FloatArray,
     start: FloatArray, sample_time: float,
-) -> FloatArray:  # fmt: skip
-    """Run every pair of gain and delay; return x2 (x1 if rigid), ndarray, shape (pairs, n)."""
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    """Run every pair of gain and delay; return x2 (x1 if rigid) and the command, ndarray, shape (pairs, n)."""
     drives, late = zip(*(_split(drive, delay, sample_time) for delay in delays), strict=True)
     out = run_many(controller, drives, xr, gains=gains, late=late, start=start, sample_time=sample_time)
-    return np.asarray(out[:, 2 if drive.carts == 2 else 0])
+    return np.asarray(out[:, 2 if drive.carts == 2 else 0]), np.asarray(out[:, 4])
 
 
 def _grows_linear(x: FloatArray) -> bool:
@@ -92,9 +95,12 @@ def _grows_linear(x: FloatArray) -> bool:
     return last > min(first, middle) > 0.0
 
 
-def _grows_full(x: FloatArray, sample_time: float) -> bool:
-    tail = x[-round(_WINDOW_S / sample_time) :]
-    return not np.max(np.abs(tail)) < _FAR_MM or float(np.ptp(tail)) > _SWING_MM
+def _grows_full(x: FloatArray, u: FloatArray, limit: float, sample_time: float) -> bool:
+    """Whether the second cart swings too far at the end, or the command vibrates between its limits."""
+    late = slice(-round(_WINDOW_S / sample_time), None)
+    if not np.max(np.abs(x[late])) < _FAR_MM or float(np.ptp(x[late])) > _SWING_MM:
+        return True
+    return float(np.mean(np.abs(u[late]) > 0.999 * limit)) > _LIMITED_SHARE
 
 
 def empirical_margins(
@@ -139,10 +145,13 @@ def empirical_margins(
         controller = controller.replace(limit=inf, friction=0.0, shaper=((0, 1.0),))
 
     def grows(gains: Sequence[float], delays: Sequence[float]) -> list[bool]:
-        x = _positions(plant, controller, gains, delays, xr, start, sample_time)
+        x, u = _runs(plant, controller, gains, delays, xr, start, sample_time)
         # a run that leaves all bounds is a run that grows
         with np.errstate(over="ignore", invalid="ignore"):
-            return [_grows_linear(row) if on == "linear" else _grows_full(row, sample_time) for row in x]
+            if on == "linear":
+                return [_grows_linear(row) for row in x]
+            limit = plant.voltage_limit
+            return [_grows_full(*pair, limit, sample_time) for pair in zip(x, u, strict=True)]
 
     if grows([1.0], [0.0])[0]:
         raise ValueError(f"controller: the loop on {plant.name!r} grows as it is; it has no margins.")

@@ -42,7 +42,16 @@ class Estimate:
     def __str__(self) -> str:
         if not np.isfinite(self.value):
             return "–"
+        if self.low == self.high:
+            return f"{self.value:.3g}"
         return f"{self.value:.3g} [{self.low:.3g}, {self.high:.3g}]"
+
+    @property
+    def percent(self) -> str:
+        """The figure as a percentage with its interval."""
+        if not np.isfinite(self.value):
+            return "–"
+        return f"{self.value:.0%}" if self.low == self.high else f"{self.value:.0%} [{self.low:.0%}, {self.high:.0%}]"
 
 
 NOTHING = Estimate(float("nan"), float("nan"), float("nan"))

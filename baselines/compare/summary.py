@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -68,6 +69,7 @@ class Improvement:
     unseen: Estimate
 
 
+@lru_cache(maxsize=4)
 def summarise(comparison: Comparison) -> tuple[tuple[Summary, ...], tuple[Improvement, ...]]:
     """Return a summary per group, and for each pair of a learnt and a classical group who is better."""
     groups = comparison.groups
