@@ -107,7 +107,8 @@ class Agent:
         else:
             # rebound, not written into: a copy of the agent keeps its own past
             self._past = np.concatenate([now, self._past[: -len(now)]])
-        return self.act_many(self._past[None, :])[0]
+        action: npt.NDArray[np.float32] = self.act_many(self._past[None, :])[0]
+        return action
 
     def act_many(self, observations: npt.ArrayLike) -> npt.NDArray[np.float32]:
         """Return actions without remembering anything.
