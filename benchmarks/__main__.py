@@ -1,4 +1,7 @@
-"""``python -m benchmarks [NAME ...]``: run the quick ones, or those named; ``diagnosis`` and ``false_alarms`` take options."""
+"""``python -m benchmarks [NAME ...]``: run the quick ones, or those named.
+
+``diagnosis``, ``false_alarms`` and ``sim_to_real`` take options.
+"""
 
 import sys
 
@@ -12,6 +15,7 @@ from benchmarks import (
     false_alarms,
     overlay,
     real_rigs,
+    sim_to_real,
     speed,
 )
 
@@ -26,7 +30,7 @@ ALL = {
     "overlay": overlay.main,
 }
 # these take minutes to hours, and options of their own
-LONG = {"diagnosis": diagnosis.main, "false_alarms": false_alarms.main}
+LONG = {"diagnosis": diagnosis.main, "false_alarms": false_alarms.main, "sim_to_real": sim_to_real.main}
 
 
 def main() -> int:
