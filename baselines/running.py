@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import deepcopy
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -21,8 +22,33 @@ from flexdrive_gym.recording import FloatArray
 RIG_TIME_S = 1e-3
 
 
+@dataclass(frozen=True, eq=False)
+class Previewed:
+    """A linear controller that is told the reference some time ahead, as a policy with a preview is.
+
+    Parameters
+    ----------
+    controller
+        Its loop is its own: told ahead, it has the same margins.
+    lead
+        [s], whole samples of the rig.
+    """
+
+    controller: LinearController
+    lead: float
+
+    def ahead(self, xr: FloatArray, sample_time: float) -> FloatArray:
+        """Return the reference as the controller hears it, ndarray, shape (n,) [mm].
+
+        It starts from where the reference starts, the lead growing with time, lest a design that differentiates it gets a jump;
+        at its end it rests.
+        """
+        at = np.arange(len(xr))
+        return np.asarray(xr[np.minimum(at + np.minimum(at, round(self.lead / sample_time)), len(xr) - 1)])
+
+
 def run_many(
-    controller: Controller,
+    controller: Controller | Previewed,
     drives: Sequence[Drive],
     xr: npt.ArrayLike,
     *,
@@ -59,9 +85,11 @@ def run_many(
     ValueError
         If the controller's sample time is no whole multiple of the rig's.
     """
-    if isinstance(controller, LinearController):
-        return run_batch(drives, xr, controller, gains=gains, late=late, start=start, sample_time=sample_time)
     reference = np.asarray(xr, dtype=np.float64)
+    if isinstance(controller, Previewed):
+        reference, controller = controller.ahead(reference, sample_time), controller.controller
+    if isinstance(controller, LinearController):
+        return run_batch(drives, reference, controller, gains=gains, late=late, start=start, sample_time=sample_time)
     jobs = len(drives)
     factor = np.broadcast_to(np.asarray(gains, dtype=np.float64), (jobs,))
     held = np.broadcast_to(np.asarray(late, dtype=np.int64), (jobs,))

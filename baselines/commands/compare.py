@@ -90,10 +90,11 @@ def compare(
     with progress() as bar:
         task = bar.add_task("designing", total=None)
         chosen, skipped = comparing.entries(rig, _names(controllers) or (), limit=limit, periods=_seconds(periods))
+        everyone = [*chosen, *comparing.previewed_entries(rig, chosen, learnt), *learnt]
         bar.update(task, description="comparing")
         result = comparing.compare(
-            rig, [*chosen, *learnt], cases=cases, duration=duration, limit=limit, tolerance=tolerance, empirical=empirical,
-            seed=seed, backend=backend.value, jobs=jobs, scheduler=scheduler, skipped=skipped,
+            rig, everyone, cases=cases, duration=duration, limit=limit, tolerance=tolerance, empirical=empirical, seed=seed,
+            backend=backend.value, jobs=jobs, scheduler=scheduler, skipped=skipped,
             progress=lambda done, total: bar.update(task, completed=done, total=total),
         )  # fmt: skip
         bar.update(task, description="summing up")

@@ -3,7 +3,7 @@
 from baselines.compare.behaviour import Behaviour, behaviour, best_classical
 from baselines.compare.cases import DRAWS, UNSEEN, Case, cases_of, named_reference, typical_effects
 from baselines.compare.comparison import DURATION_S, compare
-from baselines.compare.entries import Entry, agent_entries, entries
+from baselines.compare.entries import Entry, agent_entries, entries, previewed_entries
 from baselines.compare.results import Comparison, Group, Result
 from baselines.compare.sentences import headline
 from baselines.compare.summary import Improvement, Summary, summarise
@@ -30,6 +30,7 @@ __all__ = [
     "headline",
     "learnt_verdicts",
     "named_reference",
+    "previewed_entries",
     "summarise",
     "typical_effects",
     "where_it_loses",

@@ -126,7 +126,7 @@ def _shown(comparison: Comparison, result: Result, references: Mapping[str, Floa
     if not entry.learnt and entry.name != "lab4":
         return Shown(result, runs, parts, None)
     # of a linear controller one small amplitude says all
-    swept = sweep(entry.controller, entry.feedback, amplitudes=AMPLITUDES_MM if entry.learnt else AMPLITUDES_MM[:1])
+    swept = sweep(entry.loop, entry.feedback, amplitudes=AMPLITUDES_MM if entry.learnt else AMPLITUDES_MM[:1])
     return Shown(result, runs, parts, swept, predicted_gain_margins(swept, drive))
 
 

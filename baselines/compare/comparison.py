@@ -24,7 +24,7 @@ from baselines.empirical_margins import EmpiricalMargins, On, empirical_margins
 from baselines.execution import Backend, Progress, run_jobs
 from baselines.margins import Margins, margins
 from baselines.metrics import NAMES, TOLERANCE_MM, TRAVEL_MM, measure
-from baselines.running import RIG_TIME_S, run_many
+from baselines.running import RIG_TIME_S, Previewed, run_many
 from baselines.stability_limit import with_rig
 from flexdrive_gym import Controller, Drive, LinearController
 from flexdrive_gym.recording import FloatArray
@@ -100,7 +100,7 @@ def compare(
     of: list[Entry] = []
     # what takes longest first, so that no core waits for one late job
     for entry in sorted(controllers, key=lambda e: not e.learnt):
-        work.append((_margins, (entry.controller, rig, empirical)))
+        work.append((_margins, (entry.loop, rig, empirical)))
         of.append(entry)
         for reference, drives in _blocks(chosen, BLOCK[entry.learnt]):
             work.append((_block, (entry.controller, drives, reference, duration, limit, tolerance)))
@@ -122,7 +122,7 @@ def _blocks(cases: Sequence[Case], size: int) -> list[tuple[Reference, list[Driv
 
 
 def _block(
-    controller: Controller,
+    controller: Controller | Previewed,
     drives: Sequence[Drive],
     reference: Reference,
     duration: float,

@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
 
-from baselines.controllers import FAMILIES, SAMPLE_TIME_S, design
-from baselines.rl.agents import Agent, agent_names, find_agent, load_agent
-from flexdrive_gym import Controller, Drive
+import numpy as np
 
+from baselines.controllers import FAMILIES, SAMPLE_TIME_S, design
+from baselines.policies import PolicyController
+from baselines.rl.agents import Agent, agent_names, find_agent, load_agent
+from baselines.running import RIG_TIME_S, Previewed, run_many
+from baselines.stability_limit import with_rig
+from flexdrive_gym import Controller, Drive, LinearController
+from flexdrive_gym.references import random_moves
+
+# the best of their kinds; the others' loops are theirs without a part
+PREVIEWED = ("lab4", "lab4_friction", "lqg", "cascade_friction")
+_LEAD_STEP_S = 5e-3
+_TUNING_S = 8.0
 _READS = {"collocated": "x1", "non_collocated": "x2", "full_state": "x1, x2"}
 
 
@@ -39,13 +49,18 @@ class Entry:
     """
 
     name: str
-    controller: Controller
+    controller: Controller | Previewed
     title: str = ""
     feedback: str = ""
     notes: tuple[str, ...] = ()
     group: str = ""
     period: float = SAMPLE_TIME_S
     learnt: bool = False
+
+    @property
+    def loop(self) -> Controller:
+        """The controller without its preview, which is what margins are of."""
+        return self.controller.controller if isinstance(self.controller, Previewed) else self.controller
 
 
 def entries(
@@ -83,6 +98,41 @@ def entries(
     if not found:
         raise ValueError("controllers: none can be designed; " + "; ".join(f"{k}: {v}" for k, v in skipped.items()))
     return found, skipped
+
+
+def previewed_entries(drive: Drive, classical: Sequence[Entry], learnt: Sequence[Entry]) -> list[Entry]:
+    """Return Lab 4, LQG and the cascade once more, told the reference ahead as the learnt policies are.
+
+    A policy sees the reference for some time ahead, which no design of the handout does. So that both know the same, each of
+    :data:`PREVIEWED` among the classical entries is run with the reference shifted by a fixed lead, at most as long as the
+    longest preview. The lead is the one with the least error along random moves, not along what is compared.
+
+    Parameters
+    ----------
+    classical, learnt
+        Of :func:`entries` and :func:`agent_entries`; without learnt ones there is nothing to match.
+    """
+    tasks = [e.controller.task for e in learnt if isinstance(e.controller, PolicyController)]
+    longest = max((a for task in tasks for a in task.preview), default=0.0)
+    leads = np.arange(0.0, longest + 1e-9, _LEAD_STEP_S)
+    found = []
+    for entry in classical:
+        controller = entry.controller
+        if longest <= 0.0 or entry.name not in PREVIEWED or not isinstance(controller, LinearController):
+            continue
+        told = min((Previewed(controller, float(lead)) for lead in leads), key=lambda c: _error(drive, c))
+        name = f"{entry.name}+preview"
+        title = f"{entry.title}, told the reference {1e3 * told.lead:g} ms ahead"
+        found.append(replace(entry, name=name, group=name, title=title, controller=told))
+    return found
+
+
+def _error(drive: Drive, controller: Previewed) -> float:
+    """Return the rms error along random moves [mm]."""
+    t = np.arange(round(_TUNING_S / RIG_TIME_S)) * RIG_TIME_S
+    xr = random_moves(t, np.random.default_rng(0))
+    run = run_many(controller, [with_rig(drive)], xr)[0]
+    return float(np.sqrt(np.mean((xr - run[2 if drive.carts == 2 else 0]) ** 2)))
 
 
 def agent_entries(drive: Drive, names: Sequence[str] | None = None) -> list[Entry]:

@@ -115,9 +115,7 @@ def lesson(comparison: Comparison) -> Lesson:
     if not learnt:
         return Lesson(drive, t, xr, recordings, stability_limit(drive, "x2"), tuple(shown))
     entry = learnt[0].middle.entry
-    last = _demonstrated(
-        drive, entry.controller, f"RL ({entry.name})", "learnt policy", entry.feedback, entry.period, xr
-    )
+    last = _demonstrated(drive, entry.loop, f"RL ({entry.name})", "learnt policy", entry.feedback, entry.period, xr)
     return Lesson(
         drive, t, xr, recordings, stability_limit(drive, "x2"), (*shown, last), learnt[0].name, len(learnt[0].results)
     )  # fmt: skip

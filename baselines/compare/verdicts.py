@@ -17,6 +17,8 @@ from flexdrive_gym import LinearController
 
 # what the project asks of an agent that reads x2: at most half of the error of P-control from x2
 AIM = 0.5
+# more effects than these are counted
+_NAMED = 6
 _AIM_OF, _AIM_AGAINST = "rl_x2", "p_x2"
 
 
@@ -129,6 +131,9 @@ def _lost_effects(group: Group, rival: str, comparison: Comparison) -> list[str]
         return []
     if not lost:
         return [f"There is no left-out effect with which {rival} settles and most seeds of {group.name} do not."]
+    if len(lost) > _NAMED:
+        most = f"{'; '.join(lost[:_NAMED])} and {len(lost) - _NAMED} more of {len(theirs)} left-out effects"
+        return [f"With {most} most seeds of {group.name} fail where {rival} settles."]
     return [f"With {'; '.join(lost)} most seeds of {group.name} fail where {rival} settles."]
 
 

@@ -109,7 +109,7 @@ def _margins(comparison: Comparison) -> Section:
         "below 200 times the gain, or a second of delay."
     )
     fast = [r for r, _m in rows if r.entry.period <= _RIG] or [r for r, _m in rows]
-    linear = {r.entry.name: r.entry.controller for r in fast if isinstance(r.entry.controller, LinearController)}
+    linear = {r.entry.name: r.entry.loop for r in fast if isinstance(r.entry.loop, LinearController)}
     if linear:
         section.figure(plots.plot_loops(comparison.drive, linear), "Loop gains, broken at the command.")
         section.figure(

@@ -24,6 +24,7 @@ from baselines.compare import (
     headline,
     learnt_verdicts,
     named_reference,
+    previewed_entries,
     summarise,
     typical_effects,
     where_it_loses,
@@ -212,6 +213,21 @@ def test_a_reference_by_name_is_the_environments():
     for wrong, text in (("sinus", "Did you mean"), ("sine:amplitude", "keyword=number"), ("sine:high=2", "high")):
         with pytest.raises(ValueError, match=text):
             named_reference(wrong)
+
+
+def test_what_policies_see_ahead_a_design_may_be_told(tmp_path):
+    """The lead tuned along random moves also helps along the handout's trajectory, and leaves the loop alone."""
+    classical, _skipped = entries(DRIVE, ["p_x2", "lab4"], limit=8.0)
+    learnt = agent_entries(DRIVE, write_agents(tmp_path, (0.1,)))
+    (told,) = previewed_entries(DRIVE, classical, learnt)
+    assert told.name == "lab4+preview"
+    assert 0.0 < told.controller.lead <= 0.1
+    cases = cases_of(DRIVE, draws=0, effects=False, references=())
+    found = compare(DRIVE, [classical[1], told], cases=cases, limit=8.0, backend="sequential")
+    without, with_it = found.results
+    assert with_it.nominal.rms < without.nominal.rms
+    assert with_it.margins == without.margins
+    assert previewed_entries(DRIVE, classical, []) == []
 
 
 def test_unknown_agents_are_refused(tmp_path):
