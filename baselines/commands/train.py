@@ -28,7 +28,7 @@ def train(
     drive: Annotated[
         Path | None,
         typer.Argument(
-            exists=True, dir_okay=False, metavar="[DRIVE]", help="A drive.toml; default: the rig of winter 2022."
+            exists=True, dir_okay=False, metavar="DRIVE", help="A drive.toml; default: the rig of winter 2022."
         ),
     ] = None,
     output: Annotated[
@@ -38,14 +38,17 @@ def train(
         Feedback, typer.Option(help="Encoder the agent reads: x1 (collocated) or x2 (non-collocated).")
     ] = Feedback.x2,
     seed: Annotated[int, typer.Option(min=0, help="Of weights, exploration, drives and references.")] = 0,
-    steps: Annotated[int, typer.Option(min=1, help="Control periods of all drives together.")] = 3_000_000,
-    envs: Annotated[int, typer.Option(min=1, help="Drives side by side.")] = 1024,
+    steps: Annotated[int, typer.Option(min=1, help="Control periods of all drives together.")] = 500_000,
+    envs: Annotated[int, typer.Option(min=1, help="Drives side by side.")] = 64,
     history: Annotated[int, typer.Option(min=1, max=64, help="Observations the agent looks at.")] = 4,
     threads: Annotated[int, typer.Option(min=1, help="Of torch; more help only large networks.")] = 1,
-    checkpoint_every: Annotated[int, typer.Option(min=1, help="Steps between checkpoints.")] = 500_000,
+    checkpoint_every: Annotated[int, typer.Option(min=1, help="Steps between checkpoints.")] = 100_000,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint in the folder.")] = False,
     reproduce: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Retrain a ready-trained agent by its card and compare.")
+        str | None,
+        typer.Option(
+            metavar="NAME", help="Retrain a ready-trained agent: drive and options as its card says; compare."
+        ),
     ] = None,
     json: Json = False,
 ) -> None:
@@ -60,6 +63,8 @@ def train(
     from baselines.rl.agents import find_agent  # noqa: PLC0415
     from flexdrive_gym import DEFAULT_DRIVE, load_drive  # noqa: PLC0415
 
+    if reproduce is not None and drive is not None:
+        raise ValueError(f"drive: {reproduce} is retrained on the drive of its card; got {drive} too. Leave DRIVE out.")
     original = None if reproduce is None else find_agent(reproduce)
     if original is None:
         rig = DEFAULT_DRIVE if drive is None else load_drive(drive)

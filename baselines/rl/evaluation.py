@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from baselines.metrics import Measures, measure_recording
 from baselines.rl.agents import Agent
@@ -12,6 +14,8 @@ from baselines.rl.curriculum import around, evaluation_reference
 from baselines.rl.vec_env import FlexDriveVecEnv
 from flexdrive_gym import Drive
 from flexdrive_gym.references import handout_trajectory
+
+Act = Callable[[npt.NDArray[np.float32]], npt.NDArray[np.float32]]
 
 DRIVES = 128
 SEED = 1_000_000
@@ -43,13 +47,19 @@ class Evaluation:
             **task,
         )
 
-    def __call__(self, agent: Agent) -> float:
-        """Return the rms error over all drives and instants [mm]; the same agent always gets the same."""
+    def __call__(self, act: Act) -> float:
+        """Return the rms error over all drives and instants [mm]; the same policy always gets the same.
+
+        Parameters
+        ----------
+        act
+            From observations, shape (n, history * entries), to actions, shape (n, 1): an agent's ``act_many``.
+        """
         env = self._env
         env.seed(SEED)
         seen, squares = env.reset(), []
         for _ in range(env.batch.task.horizon - 1):
-            env.step_async(agent.act_many(np.asarray(seen)))
+            env.step_async(act(np.asarray(seen)))
             seen = env.step_wait()[0]
             error = np.clip(env.batch.fleet.state()["e"], -LARGEST_MM, LARGEST_MM)
             squares.append(np.mean(error**2))

@@ -23,7 +23,8 @@ from baselines.rl.features import ERROR_MM, features
 from baselines.rl.vec_env import FlexDriveVecEnv
 from flexdrive_gym.recording import FloatArray
 
-# PPO (Schulman et al. 2017); rollouts of 32 periods, 0.16 s, of many drives
+# PPO (Schulman et al. 2017). A rollout is half a period of the spring's vibration long, and can move the policy only so far:
+# many rollouts of few drives learn faster than few rollouts of many
 ROLLOUT = 32
 MINIBATCHES = 8
 EPOCHS = 5
@@ -72,7 +73,7 @@ def learner(env: FlexDriveVecEnv, history: int, *, seed: int, gain: float) -> PP
     matrix = features(env.batch.task, history)
     model = PPO(
         "MlpPolicy", env, seed=seed, device="cpu", n_steps=ROLLOUT, batch_size=max(2, ROLLOUT * env.num_envs // MINIBATCHES),
-        n_epochs=EPOCHS, gamma=DISCOUNT, gae_lambda=GAE, learning_rate=_rate, max_grad_norm=LARGEST_GRADIENT,
+        n_epochs=EPOCHS, gamma=DISCOUNT, gae_lambda=GAE, learning_rate=rate, max_grad_norm=LARGEST_GRADIENT,
         target_kl=LARGEST_KL,
         policy_kwargs={
             "net_arch": {"pi": list(HIDDEN), "vf": list(HIDDEN)}, "activation_fn": torch.nn.Tanh,
@@ -81,7 +82,7 @@ def learner(env: FlexDriveVecEnv, history: int, *, seed: int, gain: float) -> PP
         },
     )  # fmt: skip
     model.policy.log_std.requires_grad_(False)
-    _begin_as_p_control(model, gain * ERROR_MM / env.batch.task.voltage, seed)
+    begin_as_p_control(_actor(model), gain, env.batch.task.voltage, seed)
     return model
 
 
@@ -108,13 +109,26 @@ def _actor(model: PPO) -> torch.nn.Sequential:
     return torch.nn.Sequential(*model.policy.mlp_extractor.policy_net, model.policy.action_net)
 
 
-def _rate(remaining: float) -> float:
+def rate(remaining: float) -> float:
+    """Return the learning rate when the share ``remaining`` of a training is to come."""
     return LEARNING_RATE * max(LEAST_RATE, remaining)
 
 
-def _begin_as_p_control(model: PPO, slope: float, seed: int) -> None:
-    """Fit the actor to the command ``slope`` times the first feature, the error."""
-    actor: Any = _actor(model)
+def begin_as_p_control(actor: Any, gain: float, voltage: float, seed: int) -> None:
+    """Fit an actor over the features, the first of which is the error, to P-control.
+
+    Parameters
+    ----------
+    actor : torch.nn.Sequential
+        Of layers.
+    gain
+        [V/mm].
+    voltage
+        Command at action 1 [V].
+    seed
+        Of the inputs it is fitted on.
+    """
+    slope = gain * ERROR_MM / voltage
     rng = torch.Generator().manual_seed(seed)
     optimizer = torch.optim.Adam(actor.parameters(), lr=_FIRST_FIT["rate"])
     for _ in range(int(_FIRST_FIT["steps"])):

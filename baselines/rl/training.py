@@ -71,8 +71,8 @@ class Plan:
 
     feedback: Feedback = "x2"
     seed: int = 0
-    steps: int = 3_000_000
-    envs: int = 1024
+    steps: int = 500_000
+    envs: int = 64
     history: int = 4
     threads: int = 1
 
@@ -124,7 +124,7 @@ def train(
     folder: Path,
     *,
     name: str = "agent",
-    checkpoint_every: int = 500_000,
+    checkpoint_every: int = 100_000,
     resume: bool = False,
     tell: Tell = lambda _steps, _error: None,
 ) -> Trained:
@@ -244,11 +244,12 @@ class _Course(BaseCallback):
         lines = ["steps,seconds,rms_mm_unseen_references", *(f"{a},{b:.2f},{c:.4f}" for a, b, c in self.curve)]
         write_atomically(self.folder / CURVE, "\n".join(lines) + "\n")
         (self.folder / CHECKPOINT).unlink(missing_ok=True)
+        self.logger.close()
         return Trained(agent, tuple(self.curve))
 
     def _look(self, steps: int) -> None:
         candidate = layers(self.model)
-        error = self.evaluate(Agent(self.name, candidate, ACTIVATION, self.task, self.plan.history))
+        error = self.evaluate(Agent(self.name, candidate, ACTIVATION, self.task, self.plan.history).act_many)
         if not self.curve or error < min(found for _steps, _seconds, found in self.curve):
             self.best = [torch.as_tensor(array) for layer in candidate for array in layer]
         self.curve.append((steps, self._elapsed(), error))

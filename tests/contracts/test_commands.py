@@ -50,8 +50,8 @@ def folder(tmp_path_factory):
 
 def test_the_contract_names_every_command():
     assert set(COMMANDS) == {
-        "demo", "identify", "validate", "stability", "experiment", "diagnose", "design", "compare", "report", "blind",
-        "benchmark",
+        "demo", "identify", "validate", "stability", "experiment", "diagnose", "design", "train", "compare", "report",
+        "blind", "benchmark",
     }  # fmt: skip
 
 
