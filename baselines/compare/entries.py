@@ -151,7 +151,8 @@ def agent_entries(drive: Drive, names: Sequence[str] | None = None) -> list[Entr
         For an unknown name, or what is no policy file.
     """
     found: dict[str, Entry] = {}
-    for name in agent_names() if names is None else names:
+    # non-collocated first, as the handout has it
+    for name in sorted(agent_names(), key=lambda n: not n.startswith("x2")) if names is None else names:
         agent = load_agent(Path(name)) if name.endswith(".npz") else find_agent(name)
         entry = _entry(agent, Path(name).stem, drive)
         if entry.name in found:

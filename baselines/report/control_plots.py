@@ -224,7 +224,7 @@ def plot_errors(
         e, _u = runs[result.entry.name]
         axes.axhspan(-tolerance, tolerance, color="#e9e9e9", linewidth=0.0)
         axes.plot(t, e, color=CART[2], linewidth=0.9)
-        axes.set_title(f"{result.entry.name}: rms {result.nominal.rms:.2f} mm", loc="left", fontsize=8)
+        axes.set_title(f"{result.entry.name}: rms {result.nominal.rms:.2f} mm", loc="left", fontsize=7)
         axes.set_ylim(-top, top)
     for axes in panels[:n][-3:]:
         axes.set_xlabel("time [s]")
