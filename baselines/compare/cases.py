@@ -19,6 +19,8 @@ DRAWS = 500
 # runs along the other references: enough drives for an interval of a few per cent, few enough to stay quick
 UNSEEN_DRAWS = 100
 HANDOUT = "handout"
+# of a random reference: the first seed whose nine bits in four seconds change six times; those of 0 change once, which is a step
+_SEED = 5
 
 # beside the handout's trajectory: a longer and faster move, steps, smooth waves, and what no cart can follow in full
 UNSEEN: Mapping[str, Mapping[str, float]] = MappingProxyType({
@@ -39,7 +41,7 @@ class Reference:
 
     def sampled(self, t: FloatArray) -> FloatArray:
         """Return the reference at instants [s], ndarray, shape (n,) [mm]; a random one is the same every time."""
-        return sample_reference((self.name, dict(self.keywords)), t, np.random.default_rng(0))
+        return sample_reference((self.name, dict(self.keywords)), t, np.random.default_rng(_SEED))
 
     def __str__(self) -> str:
         if dict(self.keywords) == UNSEEN.get(self.name):

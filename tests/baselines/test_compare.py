@@ -212,6 +212,8 @@ def test_a_reference_by_name_is_the_environments():
     assert str(given) == "sine:amplitude=5:frequency=2"
     assert str(named_reference("prbs")) == "prbs"
     assert np.array_equal(named_reference("prbs").sampled(t), named_reference("prbs").sampled(t))
+    bits = named_reference("prbs").sampled(np.arange(0.0, 4.0, 1e-3))
+    assert np.count_nonzero(np.diff(bits)) >= 4  # one change in four seconds would be a step
     for wrong, text in (("sinus", "Did you mean"), ("sine:amplitude", "keyword=number"), ("sine:high=2", "high")):
         with pytest.raises(ValueError, match=text):
             named_reference(wrong)
