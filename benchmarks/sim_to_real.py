@@ -16,16 +16,18 @@ from baselines.trial.plan import Trial, plan
 from flexdrive_gym.drive.toml import loads
 
 DRIVES = ("tied", "free", "diagnosed")
-# so many trials hold enough rigs with an effect of the catalogue
-TRIALS_PER_RIG = 4
+# a plan depends on its length; with a fixed one, what a folder holds stays the same rig's however many are asked for
+TRIALS = 400
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks sim_to_real", description=__doc__)
     parser.add_argument("name", help=argparse.SUPPRESS)
     parser.add_argument("--rigs", type=int, default=4, help="how many concealed rigs")
-    parser.add_argument("--steps", type=int, default=1_000_000, help="of each training")
-    parser.add_argument("--seed", type=int, default=0, help="of the rigs and the trainings")
+    parser.add_argument("--steps", type=int, default=500_000, help="of each training")
+    parser.add_argument(
+        "--seed", type=int, default=0, help="of the rigs and the trainings; each needs a folder of its own"
+    )
     parser.add_argument("--folder", type=Path, default=Path("sim_to_real"), help="for what is found on the way")
     given = parser.parse_args()
     found = []
@@ -36,7 +38,8 @@ def main() -> None:
     for trial, truth in _rigs(given.rigs, given.seed):
         one = _one(trial, truth, given.folder, given.steps, given.seed)
         if one is None:
-            print(f"| {trial.number} | the diagnosis failed, so there are no drives | | | | | |")
+            reason = json.loads(opened(given.folder, trial.number).read_text())["failed"]
+            print(f"| {trial.number} | no drives: {reason} | | | | | |", flush=True)
             continue
         found.append(one)
         conceals = ", ".join(f"{e.id} at {e.where}" for e in truth.effects)
@@ -56,9 +59,12 @@ def main() -> None:
 
 def _rigs(number: int, seed: int) -> list[tuple[Trial, Truth]]:
     """Return the first trials whose rig conceals effects of the catalogue, as the study's payoff takes them."""
-    drawn = [(t, draw_truth(t.seed, t.kind, size=t.size, effect=t.effect)) for t in plan(TRIALS_PER_RIG * number, seed)]
-    able = [(t, truth) for t, truth in drawn if truth.effects and all(e.where != "outside" for e in truth.effects)]
-    return able[:number]
+    found: list[tuple[Trial, Truth]] = []
+    for t in plan(TRIALS, seed):
+        truth = draw_truth(t.seed, t.kind, size=t.size, effect=t.effect)
+        if len(found) < number and truth.effects and all(e.where != "outside" for e in truth.effects):
+            found.append((t, truth))
+    return found
 
 
 def _one(trial: Trial, truth: Truth, folder: Path, steps: int, seed: int) -> tuple[Gap, ...] | None:
