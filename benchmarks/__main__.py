@@ -14,6 +14,7 @@ from benchmarks import (
     learning,
     overlay,
     real_rigs,
+    sim_to_real,
     speed,
 )
 
@@ -29,7 +30,12 @@ ALL = {
     "overlay": overlay.main,
 }
 # these take minutes to hours, and options of their own
-LONG = {"diagnosis": diagnosis.main, "false_alarms": false_alarms.main, "learners": learners.main}
+LONG = {
+    "diagnosis": diagnosis.main,
+    "false_alarms": false_alarms.main,
+    "learners": learners.main,
+    "sim_to_real": sim_to_real.main,
+}
 
 
 def main() -> int:
