@@ -37,11 +37,11 @@ DRAWS = 119
 _ABOUT, _WITHIN, _ROUGH = (0.7, 1.4), (0.01, 0.06), (0.005, 0.06)
 _LENGTH_MM, _NOISE_V = (3.0, 60.0), (0.01, 0.05)
 _SLOPE_MM = (20.0, 200.0)
-# short hills of the track [V]
-_HILLS_V = (0.003, 0.03)
+# short hills of the track [V]: long ones are slopes
+_HILLS_V, _HILLS_MM = (0.003, 0.015), (3.0, 10.0)
 _WANDER_S, _BAND_HZ = 2.0, 50.0
 # a cart is put back about where it was, or runs on along the track
-_START_MM = (10.0, 150.0)
+_START_MM = (25.0, 150.0)
 _TRACK_MM = np.linspace(-250.0, 250.0, 501)
 # candidates that a thread looks at together
 _PART = 32
@@ -139,7 +139,8 @@ def nuisance(
     within, rough = (_log_uniform(rng, *limits) for limits in (_WITHIN, _ROUGH))
     length, noise = _log_uniform(rng, *_LENGTH_MM), _log_uniform(rng, *_NOISE_V)
     carts = len(bench.runs[0].keep)
-    profiles, hills = ([_Profile(rng, length) for _ in range(carts)] for _ in range(2))
+    profiles = [_Profile(rng, length) for _ in range(carts)]
+    hills = [_Profile(rng, _log_uniform(rng, *_HILLS_MM)) for _ in range(carts)]
     height = _log_uniform(rng, *_HILLS_V)
     # half of it: friction along the track makes constant forces too
     slope = 0.5 * bench.spread.get("offset", 0.005) * _log_uniform(rng, *_ABOUT)
