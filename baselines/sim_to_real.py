@@ -67,6 +67,16 @@ def gaps(truth: Truth, drives: Mapping[str, Drive], agents: Mapping[str, Agent])
     return tuple(found)
 
 
+def mean_gaps(seeds: Sequence[Sequence[Gap]]) -> tuple[Gap, ...]:
+    """Return the means over training seeds, per drive; an agent that left all bounds leaves its drive without a figure."""
+    found = []
+    for of in zip(*seeds, strict=True):
+        reached = [g.reached for g in of if g.reached is not None]
+        mean = float(np.mean(reached)) if len(reached) == len(of) else None
+        found.append(Gap(of[0].drive, float(np.mean([g.promised for g in of])), mean, all(g.stable for g in of)))
+    return tuple(found)
+
+
 @dataclass(frozen=True)
 class Closing:
     """What one drive's agents gain on those of another, in pairs over rigs.

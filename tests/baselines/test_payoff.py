@@ -13,7 +13,7 @@ from baselines.margins import margins
 from baselines.payoff import Outcome, Payoff, law_of, payoff
 from baselines.payoff_summary import summary, tables
 from baselines.rl.agents import Agent
-from baselines.sim_to_real import Gap, closings, gaps
+from baselines.sim_to_real import Gap, closings, gaps, mean_gaps
 from baselines.stability_limit import with_rig
 from flexdrive_gym import Drive
 
@@ -142,3 +142,10 @@ def test_closings_are_paired():
 
 def test_nothing_tried_has_no_rows():
     assert [rows for _, rows in tables(())] == [[], []]
+
+
+def test_gaps_of_several_trainings_are_those_of_their_means():
+    one, two = Gap("free", 1.0, 2.0, stable=True), Gap("free", 2.0, 6.0, stable=True)
+    assert mean_gaps([(one,), (two,)]) == (Gap("free", 1.5, 4.0, stable=True),)
+    lost = Gap("free", 1.0, None, stable=False)
+    assert mean_gaps([(one,), (lost,)]) == (Gap("free", 1.0, None, stable=False),)
