@@ -4,10 +4,11 @@ Nothing is asked of the controller but the protocol, so the same trial serves P-
 *linear* drive (friction, encoder counts and command limit off) the response to a displaced start decays below the margin and
 grows beyond it, whatever its size: the trial compares the size of the motion in two late windows. On the *full* drive the
 limit depends on amplitude; there the contract's rule decides (the handout's first move, then held for 12 s: unstable if x2
-swings more than 25 mm within the last 6 s).
+swings more than 25 mm within the last 6 s), and one line more: the command at its limit for a tenth of that time fails too,
+because a loop faster than P-control vibrates between the limits without swinging that far.
 
-A linear controller is tried in the compiled loop, all gains of a sweep in one call. The whole samples of a delay are held back
-between controller and drive, the rest is the drive's own input delay.
+A linear controller and a policy that answers for many are tried many gains or delays at once. The whole samples of a delay are
+held back between controller and drive, the rest is the drive's own input delay.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ from typing import Literal
 import numpy as np
 
 from baselines.loops import linear_part
+from baselines.running import run_many, runs_abreast
 from baselines.stability_limit import with_rig
-from flexdrive_gym import Controller, Drive, LinearController, Observation
-from flexdrive_gym.drive.linear_controller import run_batch
+from flexdrive_gym import Controller, Drive, LinearController
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.references import point_to_point
 
@@ -36,6 +37,9 @@ _WINDOW_S = 6.0
 _SWING_MM = 25.0
 _PRECISION = 2e-3
 _FAR_MM = 1e6
+_AT_ONCE = 14
+# of the samples at the end; a loop that holds a reference needs the limit for none
+_LIMITED_SHARE = 0.1
 
 
 @dataclass(frozen=True)
@@ -57,28 +61,6 @@ class EmpiricalMargins:
     on: On
 
 
-@dataclass
-class _Held:
-    """A controller whose command is scaled and held back by whole samples."""
-
-    inner: Controller
-    gain: float
-    late: int
-
-    def __post_init__(self) -> None:
-        self._queue: list[float] = []
-
-    def reset(self) -> None:
-        reset = getattr(self.inner, "reset", None)
-        if reset is not None:
-            reset()
-        self._queue = [0.0] * self.late
-
-    def __call__(self, observation: Observation, /) -> float:
-        self._queue.append(self.gain * float(self.inner(observation)))
-        return self._queue.pop(0)
-
-
 def _split(drive: Drive, delay: float, sample_time: float) -> tuple[Drive, int]:
     """Return the drive with the fraction of a sample as input delay, and the whole samples."""
     whole = int(delay / sample_time + 1e-9)
@@ -88,28 +70,14 @@ def _split(drive: Drive, delay: float, sample_time: float) -> tuple[Drive, int]:
     return drive.replace({"input_delay.tau": drive["input_delay.tau"] + rest}), whole
 
 
-def _positions(
-    drive: Drive, controller: Controller, gains: Sequence[float], delay: float, xr: FloatArray, start: FloatArray,
-    sample_time: float,
-) -> FloatArray:  # fmt: skip
-    """Run every gain; return x2 (x1 if rigid), ndarray, shape (gains, n)."""
-    late_drive, late = _split(drive, delay, sample_time)
-    row = 2 if drive.carts == 2 else 0
-    if isinstance(controller, LinearController) and controller.sample_time == sample_time:
-        out = run_batch([late_drive] * len(gains), xr, controller, gains=gains, late=late, start=start)
-        return np.asarray(out[:, row])
-    t = np.arange(len(xr)) * sample_time
-    runs = [
-        late_drive.simulate_closed_loop(t, xr, _Held(controller, gain, late), start=start, travel_limit=1e6)
-        for gain in gains
-    ]
-    found = []
-    for run in runs:
-        x = run.x2 if drive.carts == 2 else run.x1
-        assert x is not None
-        # a run that left every travel grew
-        found.append(np.append(x, np.full(len(xr) - len(x), inf)))
-    return np.array(found)
+def _runs(
+    drive: Drive, controller: Controller, gains: Sequence[float], delays: Sequence[float], xr: FloatArray,
+    start: FloatArray, sample_time: float,
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    """Run every pair of gain and delay; return x2 (x1 if rigid) and the command, ndarray, shape (pairs, n)."""
+    drives, late = zip(*(_split(drive, delay, sample_time) for delay in delays), strict=True)
+    out = run_many(controller, drives, xr, gains=gains, late=late, start=start, sample_time=sample_time)
+    return np.asarray(out[:, 2 if drive.carts == 2 else 0]), np.asarray(out[:, 4])
 
 
 def _grows_linear(x: FloatArray) -> bool:
@@ -127,9 +95,12 @@ def _grows_linear(x: FloatArray) -> bool:
     return last > min(first, middle) > 0.0
 
 
-def _grows_full(x: FloatArray, sample_time: float) -> bool:
-    tail = x[-round(_WINDOW_S / sample_time) :]
-    return not np.max(np.abs(tail)) < _FAR_MM or float(np.ptp(tail)) > _SWING_MM
+def _grows_full(x: FloatArray, u: FloatArray, limit: float, sample_time: float) -> bool:
+    """Whether the second cart swings too far at the end, or the command vibrates between its limits."""
+    late = slice(-round(_WINDOW_S / sample_time), None)
+    if not np.max(np.abs(x[late])) < _FAR_MM or float(np.ptp(x[late])) > _SWING_MM:
+        return True
+    return float(np.mean(np.abs(u[late]) > 0.999 * limit)) > _LIMITED_SHARE
 
 
 def empirical_margins(
@@ -148,12 +119,12 @@ def empirical_margins(
     drive
         The drive; ``on`` says what of it is simulated.
     controller
-        Anything with the protocol; a linear one runs in the compiled loop.
+        Anything with the protocol.
     on
         ``linear``: friction, encoder counts, command limit and every other effect off but the input delay. ``full``: the drive
         as it is, on the handout's rig.
     sample_time
-        Control period [s].
+        Of the rig [s].
     duration
         Of one trial [s].
     quantities
@@ -170,44 +141,54 @@ def empirical_margins(
         xr, start = np.zeros(n), np.array([_START_MM, 0.0, _START_MM if drive.carts == 2 else 0.0, 0.0])
     else:
         xr, start = point_to_point(np.arange(n) * sample_time), np.zeros(4)
-    # what previews its reference must hear which it is
-    following = getattr(controller, "following", None)
-    if following is not None:
-        controller = following(xr)
     if isinstance(controller, LinearController) and on == "linear":
         controller = controller.replace(limit=inf, friction=0.0, shaper=((0, 1.0),))
 
-    def grows(gains: Sequence[float], delay: float) -> list[bool]:
-        x = _positions(plant, controller, gains, delay, xr, start, sample_time)
-        return [_grows_linear(row) if on == "linear" else _grows_full(row, sample_time) for row in x]
+    def grows(gains: Sequence[float], delays: Sequence[float]) -> list[bool]:
+        x, u = _runs(plant, controller, gains, delays, xr, start, sample_time)
+        # a run that leaves all bounds is a run that grows
+        with np.errstate(over="ignore", invalid="ignore"):
+            if on == "linear":
+                return [_grows_linear(row) for row in x]
+            limit = plant.voltage_limit
+            return [_grows_full(*pair, limit, sample_time) for pair in zip(x, u, strict=True)]
 
-    if grows([1.0], 0.0)[0]:
+    if grows([1.0], [0.0])[0]:
         raise ValueError(f"controller: the loop on {plant.name!r} grows as it is; it has no margins.")
+    at_once = _AT_ONCE if runs_abreast(controller) else 1
     gain_margin = delay_margin = float("nan")
     if "gain" in quantities:
-        gain_margin = _largest(lambda values: grows(values, 0.0), np.geomspace(1.0, LARGEST_GAIN, 41))
+        scan = np.geomspace(1.0, LARGEST_GAIN, 41)
+        gain_margin = _largest(lambda values: grows(values, [0.0] * len(values)), scan, at_once)
     if "delay" in quantities:
         scan = np.geomspace(sample_time, LARGEST_DELAY_S, 41)
-        delay_margin = _largest(lambda values: [grows([1.0], v)[0] for v in values], scan)
+        delay_margin = _largest(lambda values: grows([1.0] * len(values), values), scan, at_once)
     return EmpiricalMargins(gain_margin, delay_margin, on)
 
 
-def _largest(grows: Callable[[Sequence[float]], list[bool]], scan: FloatArray) -> float:
-    """Return the largest value below the first that grows, to 0.2 %; inf where none of the scan does."""
-    low = 0.0
-    high = inf
-    # in portions, so that a limit near the start is found without trying all
-    for portion in np.array_split(scan[scan > 0.0], 8):
-        hit = grows(list(map(float, portion)))
-        if any(hit):
-            i = hit.index(True)
-            high = float(portion[i])
-            low = float(portion[i - 1]) if i else low
+def _largest(grows: Callable[[Sequence[float]], list[bool]], scan: FloatArray, at_once: int) -> float:
+    """Return the largest value below the first that grows, to 0.2 %; inf where none of the scan does.
+
+    ``at_once`` values are tried in one call where that costs little more than one.
+    """
+    low, high = 0.0, inf
+    for portion in np.array_split(scan, -(-len(scan) // at_once)):
+        low, high = _narrowed(grows, list(map(float, portion)), low, high)
+        if isfinite(high):
             break
-        low = float(portion[-1])
     if not isfinite(high):
         return inf
     while high > low * (1.0 + _PRECISION) and high > 1e-6:
-        middle = float(np.sqrt(low * high)) if low > 0.0 else 0.5 * high
-        low, high = (low, middle) if grows([middle])[0] else (middle, high)
+        # without a lower end, halves of the upper one
+        inside = np.geomspace(low if low > 0.0 else high / 4.0, high, at_once + 2)[1:-1]
+        low, high = _narrowed(grows, list(map(float, inside)), low, high)
     return float(np.sqrt(low * high)) if low > 0.0 else 0.0
+
+
+def _narrowed(
+    grows: Callable[[Sequence[float]], list[bool]], values: list[float], low: float, high: float
+) -> tuple[float, float]:
+    """Return the bracket of the first value that grows, within the one known."""
+    hit = grows(values)
+    first = hit.index(True) if any(hit) else len(values)
+    return values[first - 1] if first else low, values[first] if first < len(values) else high

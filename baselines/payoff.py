@@ -7,12 +7,13 @@ ratios say by how much a diagnosis pays.
 Tracking is the handout's trajectory, in three runs after the recorded day, each with its own nuisance. The gain margin is found
 by trial on the rig without nuisance. ``p_x2_half`` is P-control from x2 at half of the critical gain that the drive predicts: its
 actual margin would be 2 if the prediction were right. ``lab4_ahead`` is Lab 4 with the command that all the physics of its drive
-asks for along the trajectory (:mod:`baselines.ahead`).
+asks for along the trajectory (:mod:`baselines.ahead`). A trained agent runs as the design ``agent``; it is a black box, whose
+margins are not tried.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from math import isfinite
 from typing import Any
@@ -30,13 +31,14 @@ from baselines.controllers import FAMILIES, SAMPLE_TIME_S, design, effective
 from baselines.controllers.p_control import proportional
 from baselines.margins import margins as analytic
 from baselines.metrics import measure
+from baselines.rl.agents import Agent
 from baselines.stability_limit import critical_gain as predicted_critical_gain
 from baselines.stability_limit import with_rig
-from flexdrive_gym import Drive, LinearController
+from flexdrive_gym import Drive, LinearController, Observation
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.references import handout_trajectory
 
-P_HALF, AHEAD = "p_x2_half", "_ahead"
+P_HALF, AHEAD, AGENT = "p_x2_half", "_ahead", "agent"
 DESIGNS = (P_HALF, "lab4", "lab4_friction", "lqg", f"lab4{AHEAD}")
 SHARE = 0.5
 DURATION_S = 8.0
@@ -137,7 +139,12 @@ def law_of(controller: LinearController) -> Law:
     return Law(c.A, c.B, c.C, c.D, c.L, min(c.limit, LIMIT_V), c.friction, c.threshold, c.shaper)
 
 
-def payoff(truth: Truth, drives: Mapping[str, Drive], designs: Iterable[str] = DESIGNS) -> Payoff:
+def payoff(
+    truth: Truth,
+    drives: Mapping[str, Drive],
+    designs: Iterable[str] = DESIGNS,
+    agents: Mapping[str, Agent] | None = None,
+) -> Payoff:
     """Design on every drive, run on the concealed rig.
 
     Parameters
@@ -148,12 +155,19 @@ def payoff(truth: Truth, drives: Mapping[str, Drive], designs: Iterable[str] = D
         Name to drive, as a rule ``tied``, ``free`` and ``diagnosed``.
     designs
         Names of :data:`baselines.controllers.FAMILIES`, each also with ``_ahead``, and ``p_x2_half``.
+    agents
+        Name of a drive to the agent that was trained on it.
 
     Raises
     ------
     ValueError
-        For an unknown design.
+        For an unknown design, or an agent of no drive.
     """
+    strangers = set(agents or {}) - set(drives)
+    if strangers:
+        raise ValueError(
+            f"agents: must belong to {', '.join(drives)}; got {', '.join(sorted(strangers))}. Name the drives alike."
+        )
     chosen = tuple(designs)
     predicted = {name: _predicted(drive) for name, drive in drives.items()}
     margins: dict[bytes, tuple[float, float]] = {}
@@ -170,8 +184,9 @@ def payoff(truth: Truth, drives: Mapping[str, Drive], designs: Iterable[str] = D
             if key not in margins:  # a command known ahead leaves the margin alone
                 with_friction, without = (gain_margin(truth, law, friction=f) or LARGEST_FACTOR for f in (True, False))
                 margins[key] = with_friction, without
-            tried = _tried(truth, name, made, law, ahead, margins[key])
+            tried = _tried(truth, name, made, margins[key], law=law, ahead=ahead)
             outcomes.append(replace(tried, predicted_margin=promise))
+    outcomes += [tried_agent(truth, name, agent, drives[name]) for name, agent in (agents or {}).items()]
     return Payoff(critical_gain(truth), predicted, tuple(outcomes))
 
 
@@ -183,7 +198,8 @@ def _predicted(drive: Drive) -> float | None:
     return predicted_critical_gain(drive, "x2") if drive.carts == 2 else None
 
 
-def _reference() -> FloatArray:
+def reference() -> FloatArray:
+    """Return the handout's trajectory as it is tracked on the rig, ndarray, shape (n,) [mm]."""
     return handout_trajectory(np.arange(round(DURATION_S / SAMPLE_TIME_S) + 1) * SAMPLE_TIME_S)
 
 
@@ -199,20 +215,32 @@ def _made(name: str, drive: Drive, predicted: float | None) -> tuple[LinearContr
     rig = with_rig(drive)
     try:
         controller = design(design_name, rig).controller
-        ahead = command_ahead(rig, controller, _reference()) if name.endswith(AHEAD) else None
+        ahead = command_ahead(rig, controller, reference()) if name.endswith(AHEAD) else None
     except ValueError as error:
         raise _RefusedError(str(error)) from error
     return controller, ahead, _plain(analytic(effective(rig, FAMILIES[design_name].reads), controller).gain_margin)
 
 
+def tried_agent(truth: Truth, name: str, agent: Agent, drive: Drive) -> Outcome:
+    """Run an agent on the concealed rig; ``name`` is that of the drive it was trained on."""
+    controller = agent.controller(with_rig(drive), SAMPLE_TIME_S).following(reference())
+
+    def asked(t: float, xr: float, x1: float, x2: float) -> float:
+        if t == 0.0:
+            controller.reset()
+        return controller(Observation(t, xr, x1, x2, 0.0, 0.0))
+
+    return _tried(truth, name, AGENT, (None, None), asked=asked)
+
+
 def _tried(
-    truth: Truth, drive: str, made: str, law: Law, ahead: FloatArray | None, margins: tuple[float, float]
+    truth: Truth, drive: str, made: str, margins: tuple[float | None, float | None], **controller: Any
 ) -> Outcome:
-    """Run the handout's trajectory on the rig with its nuisance."""
-    xr, values, base = _reference(), rig_values(truth), Drive(dict(truth.drive))
+    """Run the handout's trajectory on the rig with its nuisance; ``controller`` is what :func:`baselines.blind.rig.run` takes."""
+    xr, values, base = reference(), rig_values(truth), Drive(dict(truth.drive))
     found = []
     for i in range(RUNS):
-        motion = run(values, after_the_day(truth, len(xr), i), xr, law=law, ahead=ahead)
+        motion = run(values, after_the_day(truth, len(xr), i), xr, **controller)
         # the reference counts from where the cart stood when the encoders were switched on
         states = motion.states - motion.states[:, :1]
         found.append(measure(base, xr, states, motion.u, SAMPLE_TIME_S, limit=LIMIT_V))
@@ -229,152 +257,3 @@ def _tried(
 
 def _plain(value: float) -> float | None:
     return value if isfinite(value) else None
-
-
-@dataclass(frozen=True)
-class Median:
-    """A median over n rigs with its 95 % interval; nan where there are none."""
-
-    value: float
-    low: float
-    high: float
-    n: int
-
-    def __str__(self) -> str:
-        return "–" if not self.n else f"{self.value:.3g} [{self.low:.3g}, {self.high:.3g}]"
-
-
-@dataclass(frozen=True)
-class Figures:
-    """One design on one drive, over all rigs that it did not refuse.
-
-    Attributes
-    ----------
-    rms
-        Median [mm].
-    margin, worst_margin
-        Median and smallest :attr:`Outcome.margin` on the rig [].
-    broken_promise
-        Median of |margin on the rig / margin the drive promised - 1|.
-    stable
-        Share of all rigs on which the loop was made and stable.
-    refused
-        Number of rigs.
-    """
-
-    rms: float
-    margin: float
-    worst_margin: float
-    broken_promise: Median
-    stable: float
-    refused: int
-
-
-@dataclass(frozen=True)
-class Row:
-    """One design over all rigs.
-
-    Attributes
-    ----------
-    design
-        Its name.
-    drives
-        Name of the drive to its figures.
-    ratios
-        ``diagnosed/free`` and ``diagnosed/tied``: the median of the paired ratios of rms; below 1 the diagnosis pays.
-    gain_errors
-        Of ``p_x2_half``: name of the drive to the median of |predicted/true - 1| of the critical gain; empty for others.
-    """
-
-    design: str
-    drives: Mapping[str, Figures]
-    ratios: Mapping[str, Median]
-    gain_errors: Mapping[str, Median]
-
-
-def summary(payoffs: Sequence[Payoff], better: str = "diagnosed") -> tuple[Row, ...]:
-    """Return one row per design: medians over rigs, and what the better drive pays, in pairs.
-
-    Parameters
-    ----------
-    payoffs
-        One per rig.
-    better
-        The drive whose rms is divided by that of each other one of the same rig.
-    """
-    designs = dict.fromkeys(o.design for p in payoffs for o in p.outcomes)
-    drives = tuple(dict.fromkeys(o.drive for p in payoffs for o in p.outcomes))
-    rows = []
-    for made in designs:
-        figures = {drive: _figures([p.find(drive, made) for p in payoffs]) for drive in drives}
-        ratios = {}
-        for other in drives:
-            pairs = [(p.find(better, made), p.find(other, made)) for p in payoffs]
-            found = [a.rms / b.rms for a, b in pairs if a and b and a.rms is not None and b.rms]
-            if other != better:
-                ratios[f"{better}/{other}"] = _median(found)
-        errors = {drive: _median(_gain_errors(payoffs, drive)) for drive in drives} if made == P_HALF else {}
-        rows.append(Row(made, figures, ratios, errors))
-    return tuple(rows)
-
-
-def _figures(outcomes: Sequence[Outcome | None]) -> Figures:
-    made = [o for o in outcomes if o is not None]
-
-    def middle(values: Iterable[float | None]) -> float:
-        known = [v for v in values if v is not None]
-        return float(np.median(known)) if known else float("nan")
-
-    margins = [o.margin for o in made]
-    return Figures(
-        rms=middle(o.rms for o in made),
-        margin=middle(margins),
-        worst_margin=min((m for m in margins if m is not None), default=float("nan")),
-        broken_promise=_median(
-            [abs(o.margin / o.predicted_margin - 1.0) for o in made if o.margin and o.predicted_margin]
-        ),
-        stable=sum(o.stable for o in made) / len(outcomes),
-        refused=len(outcomes) - len(made),
-    )
-
-
-def _gain_errors(payoffs: Sequence[Payoff], drive: str) -> list[float]:
-    pairs = [(p.predicted_critical_gain.get(drive), p.true_critical_gain) for p in payoffs]
-    return [abs(predicted / true - 1.0) for predicted, true in pairs if predicted is not None and true is not None]
-
-
-def _median(values: Sequence[float]) -> Median:
-    if not values:
-        return Median(float("nan"), float("nan"), float("nan"), 0)
-    middle = float(np.median(values))
-    if len(values) == 1 or max(values) == min(values):
-        return Median(middle, middle, middle, len(values))
-    from scipy.stats import bootstrap  # noqa: PLC0415  (slow to import)
-
-    found = bootstrap((np.asarray(values),), np.median, method="percentile", rng=np.random.default_rng(0))
-    interval = found.confidence_interval
-    return Median(middle, float(interval.low), float(interval.high), len(values))
-
-
-Table = tuple[tuple[str, ...], list[tuple[str, ...]]]
-
-
-def tables(rows: Sequence[Row]) -> tuple[Table, Table]:
-    """Return the summary as two tables, each columns and rows: tracking and what the diagnosis pays, and margins on the rig."""
-    drives, ratios = (tuple(rows[0].drives), tuple(rows[0].ratios)) if rows else ((), ())
-    tracking = [
-        (r.design, *(f"{r.drives[d].rms:.2f}" for d in drives), *(str(r.ratios[q]) for q in ratios)) for r in rows
-    ]
-    margins = []
-    for row in rows:
-        of = [row.drives[d] for d in drives]
-        margins.append(
-            (
-                row.design,
-                *(f"{f.margin:.2f}, {f.worst_margin:.2f}, {f.broken_promise.value:.1%}, {f.stable:.0%}" for f in of),
-            )
-        )
-    return (
-        (("design", *(f"rms on the {d} drive [mm]" for d in drives), *(f"rms {q}" for q in ratios)), tracking),
-        (("gain margin on the rig: median, worst, off its promise, stable", *drives), margins),
-    )

@@ -7,6 +7,7 @@ actions. A linear controller runs at its own sample time, so its environment nee
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -80,7 +81,8 @@ class PolicyController:
     ----------
     policy
         Observation of the environment to action, ndarray of shape (1,) or a number. It travels to other processes, so it must
-        pickle where these are used.
+        pickle where these are used. Where it has ``act_many``, many drives are run with it at once: the last ``history``
+        observations of each (1 where it does not say), newest first, shape (n, history * entries), to actions, shape (n, 1).
     task
         The arguments of the environment for which the policy was made: sensing, scaling, preview, control period.
     sample_time
@@ -105,52 +107,102 @@ class PolicyController:
             raise ValueError(
                 f"sample_time: must divide the control period of {self.task.control_period:g} s; got {self.sample_time:g} s."
             )
-        self._every = round(ratio)
-        self._bounds = np.array([bound for _name, _unit, bound in self.task.names()])
-        keys = [f"velocity_processing.encoder_{i}.cutoff" for i in (1, 2)]
-        self._keep = [_decay(self.task.rig, key, self.task.control_period) for key in keys]
+        self.every = round(ratio)
         self.reset()
 
     def following(self, reference: npt.ArrayLike) -> PolicyController:
         """Return the controller for a run along another reference, which its preview is then read from."""
-        return replace(self, reference=np.asarray(reference, dtype=np.float64))
+        # a policy that remembers must not share its past with runs side by side
+        return replace(self, policy=copy(self.policy), reference=np.asarray(reference, dtype=np.float64))
 
     def reset(self) -> None:
         """Forget the past."""
         self._count, self._u = 0, 0.0
-        self._previous: FloatArray | None = None
-        self._speed = np.zeros(2)
-        reset = getattr(self.policy, "reset", None)
-        if reset is not None:
-            reset()
+        self._alone = PolicyBatch(self, 1)
 
     def __call__(self, observation: Observation, /) -> float:
         """Return the command [V]; ask the policy once per control period."""
-        if self._count % self._every == 0:
-            action = self.policy(self._entries(observation))
-            self._u = self.task.voltage * float(np.clip(np.ravel(action)[0], -1.0, 1.0))
+        if self._count % self.every == 0:
+            o = observation
+            self._u = float(self._alone(o.xr, np.array([[o.x1, o.x2, o.v1, o.v2]]))[0])
         self._count += 1
         return self._u
 
-    def _entries(self, o: Observation) -> npt.NDArray[np.float32]:
-        now = np.array([o.x1, o.x2])
-        if self._previous is None:
-            self._speed = np.array([o.v1, o.v2])
+
+class PolicyBatch:
+    """A policy that commands many rigs, asked once per control period for all of them.
+
+    Parameters
+    ----------
+    controller
+        Its policy, task and reference; its past is forgotten, and it must not act elsewhere meanwhile.
+    rigs
+        How many.
+    """
+
+    def __init__(self, controller: PolicyController, rigs: int) -> None:
+        task = self._task = controller.task
+        self._policy = controller.policy
+        self._step = 1 if controller.reference is None else controller.every
+        self._table: FloatArray = task.references[0] if controller.reference is None else controller.reference
+        self._bounds = np.array([bound for _name, _unit, bound in task.names()])
+        keys = [f"velocity_processing.encoder_{i}.cutoff" for i in (1, 2)]
+        self._keep = np.array([_decay(task.rig, key, task.control_period) for key in keys])
+        self._period = 0
+        self._u = np.zeros(rigs)
+        self._previous: FloatArray | None = None
+        self._past: list[npt.NDArray[np.float32]] | None = None
+        self._speed = np.zeros((rigs, 2))
+        reset = getattr(self._policy, "reset", None)
+        if reset is not None:
+            reset()
+
+    def __call__(self, xr: float, readings: FloatArray) -> FloatArray:
+        """Return the commands for the next control period.
+
+        Parameters
+        ----------
+        xr
+            Reference now [mm].
+        readings : ndarray, shape (rigs, 4)
+            x1, x2 [mm], v1, v2 [mm/s] as the encoders report them; velocities count at the start only.
+
+        Returns
+        -------
+        ndarray, shape (rigs,)
+            [V]; 0 where the policy's answer is no number, and the run shows it.
+        """
+        seen = self._entries(xr, readings)
+        self._period += 1
+        many = getattr(self._policy, "act_many", None)
+        if many is None:
+            actions = np.array([float(np.ravel(self._policy(row))[0]) for row in seen])
         else:
-            raw = (now - self._previous) / self.task.control_period
-            a = np.array(self._keep)
-            self._speed = a * self._speed + (1.0 - a) * raw
+            # before the run everything was as it is now
+            past = [seen] * getattr(self._policy, "history", 1) if self._past is None else [seen, *self._past[:-1]]
+            self._past = past
+            actions = np.asarray(many(np.hstack(past)), dtype=np.float64)[:, 0]
+        self._u = self._task.voltage * np.clip(np.where(np.isfinite(actions), actions, 0.0), -1.0, 1.0)
+        return self._u
+
+    def _entries(self, xr: float, readings: FloatArray) -> npt.NDArray[np.float32]:
+        """Return what the environment of the task would show, ndarray, shape (rigs, entries)."""
+        now = readings[:, :2].copy()
+        if self._previous is None:
+            self._speed = readings[:, 2:].copy()
+        else:
+            raw = (now - self._previous) / self._task.control_period
+            self._speed = self._keep * self._speed + (1.0 - self._keep) * raw
         self._previous = now
-        carts = {"collocated": (0,), "non_collocated": (1,), "full_state": (0, 1)}[self.task.sensing]
-        seen = now[0] if self.task.sensing == "collocated" else now[1]
-        values = [v for i in carts for v in (now[i], self._speed[i])]
-        period = self._count // self._every
-        table, step = (self.task.references[0], 1) if self.reference is None else (self.reference, self._every)
-        values += [o.xr - seen, o.xr, self._u]
-        last = len(table) - 1
-        values += [float(table[min((period + int(a)) * step, last)]) for a in self.task.ahead]
+        carts = {"collocated": (0,), "non_collocated": (1,), "full_state": (0, 1)}[self._task.sensing]
+        last = len(self._table) - 1
+        ahead = [float(self._table[min((self._period + int(a)) * self._step, last)]) for a in self._task.ahead]
+        columns = [c for i in carts for c in (now[:, i], self._speed[:, i])]
+        columns += [xr - now[:, carts[-1]], np.full(len(now), xr), self._u]
+        columns += [np.full(len(now), value) for value in ahead]
+        values = np.column_stack(columns)
         limited = np.clip(values, -self._bounds, self._bounds)
-        return np.asarray(limited / self._bounds if self.task.normalise else limited, dtype=np.float32)
+        return np.asarray(limited / self._bounds if self._task.normalise else limited, dtype=np.float32)
 
 
 def _decay(rig: Drive, key: str, period: float) -> float:

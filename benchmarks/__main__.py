@@ -1,4 +1,4 @@
-"""``python -m benchmarks [NAME ...]``: run the quick ones, or those named; ``diagnosis`` and ``false_alarms`` take options."""
+"""``python -m benchmarks [NAME ...]``: run the quick ones, or those named; the long ones take options."""
 
 import sys
 
@@ -10,8 +10,11 @@ from benchmarks import (
     diagnosis,
     environment,
     false_alarms,
+    learners,
+    learning,
     overlay,
     real_rigs,
+    sim_to_real,
     speed,
 )
 
@@ -19,6 +22,7 @@ ALL = {
     "accuracy": accuracy.main,
     "speed": speed.main,
     "environment": environment.main,
+    "learning": learning.main,
     "real_rigs": real_rigs.main,
     "coverage": coverage.main,
     "blind_nuisance": blind_nuisance.main,
@@ -26,7 +30,12 @@ ALL = {
     "overlay": overlay.main,
 }
 # these take minutes to hours, and options of their own
-LONG = {"diagnosis": diagnosis.main, "false_alarms": false_alarms.main}
+LONG = {
+    "diagnosis": diagnosis.main,
+    "false_alarms": false_alarms.main,
+    "learners": learners.main,
+    "sim_to_real": sim_to_real.main,
+}
 
 
 def main() -> int:

@@ -68,7 +68,7 @@ def agreement(drive: Drive) -> None:
 def speed(drive: Drive) -> None:
     """Time 500 draws of ten controllers, 4 s each; designs are made before."""
     chosen = entries(drive, TEN)[0]
-    cases = cases_of(drive, draws=500, effects=False)
+    cases = cases_of(drive, draws=500, effects=False, references=())
     compare(
         drive, chosen[:1], cases=cases[:2], empirical=False, backend="sequential"
     )  # compile, or load what was compiled

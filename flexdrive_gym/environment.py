@@ -116,19 +116,15 @@ class FlexDriveEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
 
     def __getstate__(self) -> dict[str, Any]:
         kept = {k: v for k, v in self.__dict__.items() if k not in _REBUILT}
-        arrays = {k: self._fleet.arrays[k].copy() for k in _KEPT}
-        return {**kept, "_saved": (arrays, None if self._fleet.z is None else self._fleet.z.copy())}
+        return {**kept, "_saved": self._fleet.keep()}
 
     def __setstate__(self, saved: dict[str, Any]) -> None:
-        arrays, z = saved.pop("_saved")
+        fleet = saved.pop("_saved")
         self.__dict__.update(saved)
         seeded = self._seeded
         self._build()
         self._seeded = seeded
-        for name, values in arrays.items():
-            self._fleet.arrays[name][...] = values
-        if z is not None and self._fleet.z is not None:
-            self._fleet.z[...] = z
+        self._fleet.restore(fleet)
 
     @property
     def drive(self) -> Drive:
@@ -239,4 +235,3 @@ class FlexDriveEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
 
 
 _REBUILT = {"_fleet", "_renderer", "_actions", "_kernel", "_z", "_slots", "_idle", "_idle_info"}
-_KEPT = ("actions", "state", "clock", "seeds", "p", "begin", "memory", "tables", "lanes", "told", "line")

@@ -28,6 +28,8 @@ TERMS = ("tracking", "effort", "rate", "failure")
 KEYS = (*INFO, *(f"reward_{name}" for name in TERMS))
 OUTPUTS = ("observation", "reward", "terminated", "truncated")
 MOST_SPARE = 4
+# what a fleet's future depends on, beside its task
+KEPT = ("actions", "state", "clock", "seeds", "p", "begin", "memory", "tables", "lanes", "told", "line")
 
 
 class Outputs:
@@ -221,6 +223,18 @@ class Fleet:
             self._told[:, k] for k in range(layout.TOLD_ROWS)
         ]
         return {key: row[:, : layout.LANES].reshape(-1)[: self.n].copy() for key, row in zip(KEYS, rows, strict=True)}
+
+    def keep(self) -> dict[str, npt.NDArray[Any]]:
+        """Return copies of all that the future depends on, for :meth:`restore`."""
+        kept = {name: self.arrays[name].copy() for name in KEPT}
+        return kept if self.z is None else kept | {"z": self.z.copy()}
+
+    def restore(self, kept: dict[str, npt.NDArray[Any]]) -> None:
+        """Go on where a fleet of the same task and size was when :meth:`keep` was called."""
+        for name in KEPT:
+            self.arrays[name][...] = kept[name]
+        if self.z is not None:
+            self.z[...] = kept["z"]
 
     def new_outputs(self, *, flat: bool = False) -> Outputs:
         """Return outputs of this fleet that were never used; ``flat``: of a fleet of one, without its axis."""

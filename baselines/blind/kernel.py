@@ -82,23 +82,6 @@ INDEX: Mapping[str, int] = MappingProxyType({name: i for i, name in enumerate(NU
 CART = len(_CART_NUMBERS)
 OFFSET: Mapping[str, int] = MappingProxyType({name: i for i, name in enumerate(_CART_NUMBERS)})
 
-
-def vector(values: Mapping[str, float]) -> FloatArray:
-    """Return the kernel's vector.
-
-    Raises
-    ------
-    KeyError
-        For a name the rig does not know.
-    """
-    p = np.array(list(NULLS.values()))
-    for name, value in values.items():
-        if name not in INDEX:
-            raise KeyError(f"values: the blind rig has no number called {name!r}; it knows {', '.join(NULLS)}.")
-        p[INDEX[name]] = value
-    return p
-
-
 SAMPLE_S = 1e-3
 COUNT_MM = 0.0046592
 LIMIT_V = 8.0
@@ -112,8 +95,9 @@ FRICTION_1, FRICTION_2, VISCOUS_1, VISCOUS_2, FORCE_1, FORCE_2, GAIN = range(7)
 ROUGH_1, ROUGH_2, HILL_1, HILL_2 = range(4)
 LAW_HEAD = 3  # a controller's limit [V], friction level [V] and its threshold [mm/s], then its matrices
 
-_SLIDERS = 8
-_RING = 1024  # fine steps an encoder can look back, 20 ms
+SLIDERS = 8
+RING = 1024  # fine steps an encoder can look back, 20 ms
+REMEMBERED = 21  # numbers of the motion that a run remembers, then zero and phase of both encoders
 
 # numba reads module constants, not mappings
 (_M, _B, _D, _HUMP, _VS, _STATIC, _BRISTLE, _D_SKEW, _B_SKEW, _DRAG, _LOAD, _CUBE, _YOUNG, _AGE) = (
@@ -190,9 +174,9 @@ def _elastic(delta: float, rate: float, p: FloatArray) -> float:
 def _stack(delta: float, sliders: FloatArray, p: FloatArray) -> float:
     """Return the force of an Iwan stack of spring-slider elements whose slips are spread evenly."""
     force = 0.0
-    each = p[_SLIP_K] / _SLIDERS
-    for i in range(_SLIDERS):
-        reach = p[_SLIP_AT] * (i + 1) / _SLIDERS
+    each = p[_SLIP_K] / SLIDERS
+    for i in range(SLIDERS):
+        reach = p[_SLIP_AT] * (i + 1) / SLIDERS
         stretch = delta - sliders[i]
         if stretch > reach:
             sliders[i] = delta - reach
@@ -291,32 +275,48 @@ def _decide(law: FloatArray, n: int, z: FloatArray, xr: float, y1: float, y2: fl
 
 
 @compiled
+def _look(
+    i: int, x1: float, v1: float, x2: float, v2: float, r1: float, r2: float, zero: FloatArray, p: FloatArray,
+    counts: FloatArray, states: FloatArray, shown: FloatArray,
+) -> None:  # fmt: skip
+    """Write sample i: the states, what the discs show for the places r1, r2, and the counts since the start."""
+    states[0, i], states[1, i], states[2, i], states[3, i] = x1, v1, x2, v2
+    shown[0, i], shown[1, i] = _read(r1, 0, p), _read(r2, CART, p)
+    for k in range(2):
+        counts[k, i] = math.floor(shown[k, i] / COUNT_MM + zero[2 + k]) - zero[k]
+
+
+@compiled
 def advance_run(
     p: FloatArray, over_time: FloatArray, track: FloatArray, start: FloatArray, command: FloatArray, law: FloatArray,
-    order: int, factor: float, ahead: FloatArray, steps: int, u: FloatArray, counts: FloatArray, states: FloatArray,
-    shown: FloatArray,
+    order: int, factor: float, ahead: FloatArray, steps: int, begin: int, end: int, keep: FloatArray, u: FloatArray,
+    counts: FloatArray, states: FloatArray, shown: FloatArray,
 ) -> None:  # fmt: skip
-    """Run from ``start`` (x1, x2 [mm], encoder phases) and fill u, counts, states and shown; see :func:`rig.run`."""
+    """Run samples ``begin`` … ``end`` - 1 and fill u, counts, states and shown, these three also at ``end``; see :func:`rig.run`.
+
+    A run may be made in parts, one after the other, which share ``keep``; it begins at ``start`` (x1, x2 [mm], encoder phases).
+    """
     h = SAMPLE_S / steps
     c1, c2 = 0, CART
-    x1, x2, v1, v2 = start[0], start[1], 0.0, 0.0
-    xm, vm, xt, vt = x1, 0.0, (x1 if p[_TAIL_ON] == 1.0 else x2), 0.0
-    y1, y2 = x1, x2  # what play leaves
-    ring1, ring2 = np.full(_RING, x1), np.full(_RING, x2)
+    cut = REMEMBERED + 6 + SLIDERS
+    zero, bristles, sliders = keep[REMEMBERED:][:4], keep[REMEMBERED + 4 :][:2], keep[REMEMBERED + 6 : cut]
+    ring1, ring2, memory = keep[cut:][:RING], keep[cut + RING :][:RING], keep[cut + 2 * RING :]
     back1, back2 = round(p[c1 + _LATE] / h), round(p[c2 + _LATE] / h)
-    bristles, sliders, memory = np.zeros(2), np.full(_SLIDERS, x1 - x2), np.zeros(max(order, 0))
-    held, amplified, slewed, maxwell, slider = 0.0, 0.0, 0.0, 0.0, 0.0
-    age1, age2, sign1, sign2, a1, a2 = 9.0, 9.0, 0.0, 0.0, 0.0, 0.0
+    if begin == 0:
+        place, other = start[0], start[1]
+        keep[0], keep[1], keep[4], keep[8], keep[9] = place, other, place, place, other  # y1, y2: what play leaves
+        keep[6], keep[15], keep[16] = (place if p[_TAIL_ON] == 1.0 else other), 9.0, 9.0
+        zero[2], zero[3] = start[2], start[3]
+        zero[0] = math.floor(_read(place, c1, p) / COUNT_MM + start[2])
+        zero[1] = math.floor(_read(other, c2, p) / COUNT_MM + start[3])
+        ring1[:], ring2[:], sliders[:] = place, other, place - other
+        _look(0, place, 0.0, other, 0.0, place, other, zero, p, counts, states, shown)
+    x1, x2, v1, v2, xm, vm, xt, vt = keep[0], keep[1], keep[2], keep[3], keep[4], keep[5], keep[6], keep[7]
+    y1, y2, held, amplified, slewed, maxwell = keep[8], keep[9], keep[10], keep[11], keep[12], keep[13]
+    slider, age1, age2, sign1, sign2, a1, a2 = keep[14], keep[15], keep[16], keep[17], keep[18], keep[19], keep[20]
     m1, m2 = p[c1 + _M] * (1.0 - p[_ROTOR]), p[c2 + _M]
-    zero1 = math.floor(_read(x1, c1, p) / COUNT_MM + start[2])
-    zero2 = math.floor(_read(x2, c2, p) / COUNT_MM + start[3])
-    tick = 0
-    for i in range(len(command)):
-        states[0, i], states[1, i], states[2, i], states[3, i] = x1, v1, x2, v2
-        shown[0, i] = _read(ring1[(tick - back1) % _RING], c1, p)
-        shown[1, i] = _read(ring2[(tick - back2) % _RING], c2, p)
-        counts[0, i] = math.floor(shown[0, i] / COUNT_MM + start[2]) - zero1
-        counts[1, i] = math.floor(shown[1, i] / COUNT_MM + start[3]) - zero2
+    tick = begin * steps
+    for i in range(begin, end):
         u[i] = command[i]
         if order >= 0:
             wish = _decide(law, order, memory, command[i], COUNT_MM * counts[0, i], COUNT_MM * counts[1, i])
@@ -388,4 +388,10 @@ def advance_run(
             y1 = min(max(y1, x1 - p[c1 + _PLAY]), x1 + p[c1 + _PLAY])
             y2 = min(max(y2, x2 - p[c2 + _PLAY]), x2 + p[c2 + _PLAY])
             tick += 1
-            ring1[tick % _RING], ring2[tick % _RING] = y1, y2
+            ring1[tick % RING], ring2[tick % RING] = y1, y2
+        if i + 1 < len(u):
+            r1, r2 = ring1[(tick - back1) % RING], ring2[(tick - back2) % RING]
+            _look(i + 1, x1, v1, x2, v2, r1, r2, zero, p, counts, states, shown)
+    keep[0], keep[1], keep[2], keep[3], keep[4], keep[5], keep[6], keep[7] = x1, x2, v1, v2, xm, vm, xt, vt
+    keep[8], keep[9], keep[10], keep[11], keep[12], keep[13] = y1, y2, held, amplified, slewed, maxwell
+    keep[14], keep[15], keep[16], keep[17], keep[18], keep[19], keep[20] = slider, age1, age2, sign1, sign2, a1, a2

@@ -2,12 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from baselines.blind.kernel import FORCE_1, FORCE_2, LIMIT_V, STEPS, TRACK_POINTS, FloatArray, advance_run, vector
+from baselines.blind.kernel import (
+    COUNT_MM,
+    FORCE_1,
+    FORCE_2,
+    INDEX,
+    LIMIT_V,
+    NULLS,
+    REMEMBERED,
+    RING,
+    SAMPLE_S,
+    SLIDERS,
+    STEPS,
+    TRACK_POINTS,
+    FloatArray,
+    advance_run,
+)
+
+Sampled = Callable[[float, float, float, float], float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +143,7 @@ def run(
     gain: float = 0.0,
     feedback: int = 2,
     law: Law | None = None,
+    asked: Sampled | None = None,
     factor: float = 1.0,
     ahead: FloatArray | None = None,
     steps: int = STEPS,
@@ -139,31 +157,73 @@ def run(
     surroundings
         Start and tables.
     command : ndarray, shape (n,)
-        u [V], or the reference xr [mm] if ``gain`` is positive or a law is given.
+        u [V], or the reference xr [mm] if ``gain`` is positive, or a law or a black box is given.
     gain
         Kp [V/mm] of P-control; 0 is open loop.
     feedback
         The encoder it reads, 1 or 2.
     law
         A controller; it takes the place of P-control.
+    asked
+        A black box that is asked at every sample for its command [V], from the time [s], the reference and the two encoders [mm];
+        instead of a law.
     factor
         On the controller's command, for trials of its gain margin.
     ahead : ndarray, shape (n,), optional
         Command known ahead, added to the controller's [V]; ``factor`` leaves it alone.
     steps
         Fine steps per sample.
+
+    Raises
+    ------
+    ValueError
+        If both a law and a black box are given.
     """
+    if asked is not None and (law is not None or gain > 0.0):
+        raise ValueError("asked: one controller runs the rig; got a law or a gain too. Leave one of them out.")
     n = len(command)
     u, counts, states, shown = np.zeros(n), np.zeros((2, n)), np.zeros((4, n)), np.zeros((2, n))
     s = surroundings
     start = np.array([s.place, s.place - s.deflection, s.phases[0], s.phases[1]])
     if law is None and gain > 0.0:
         law = p_law(gain, feedback)
-    given = np.asarray(command, dtype=np.float64)
-    asked = np.ascontiguousarray(given if law is None else law.shaped(given))
+    given = np.ascontiguousarray(command, dtype=np.float64)
+    if law is not None:
+        given = np.ascontiguousarray(law.shaped(given))
     flat, order = (np.zeros(0), -1) if law is None else (law.flat(), len(law.A))
     known = np.zeros(n) if ahead is None else np.ascontiguousarray(ahead, dtype=np.float64)
-    advance_run(
-        vector(values), s.over_time, s.track, start, asked, flat, order, factor, known, steps, u, counts, states, shown
-    )  # fmt: skip
+    keep, p = memory_of(order), vector(values)
+    if asked is None:
+        advance_run(
+            p, s.over_time, s.track, start, given, flat, order, factor, known, steps, 0, n, keep, u, counts, states, shown
+        )  # fmt: skip
+        return Motion(u, counts, states, shown)
+    commands = np.zeros(n)
+    for i in range(n):
+        wish = float(asked(i * SAMPLE_S, float(given[i]), COUNT_MM * counts[0, i], COUNT_MM * counts[1, i]))
+        commands[i] = min(max(factor * wish + known[i], -LIMIT_V), LIMIT_V)
+        advance_run(
+            p, s.over_time, s.track, start, commands, flat, -1, factor, known, steps, i, i + 1, keep, u, counts, states, shown
+        )  # fmt: skip
     return Motion(u, counts, states, shown)
+
+
+def vector(values: Mapping[str, float]) -> FloatArray:
+    """Return the kernel's vector.
+
+    Raises
+    ------
+    KeyError
+        For a name the rig does not know.
+    """
+    p = np.array(list(NULLS.values()))
+    for name, value in values.items():
+        if name not in INDEX:
+            raise KeyError(f"values: the blind rig has no number called {name!r}; it knows {', '.join(NULLS)}.")
+        p[INDEX[name]] = value
+    return p
+
+
+def memory_of(order: int) -> FloatArray:
+    """Return room for what a run remembers between calls of :func:`advance_run`, with ``order`` states of a controller."""
+    return np.zeros(REMEMBERED + 6 + SLIDERS + 2 * RING + max(order, 0))

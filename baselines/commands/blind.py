@@ -35,8 +35,9 @@ def blind(
     A trial takes about half a minute of one core. What is done is kept in the folder; the same command goes on where it
     was interrupted.
     """
-    from baselines.payoff import Payoff, tables  # noqa: PLC0415
-    from baselines.payoff import summary as payoff_rows  # noqa: PLC0415
+    from baselines.payoff import Payoff  # noqa: PLC0415
+    from baselines.payoff_summary import summary as payoff_rows  # noqa: PLC0415
+    from baselines.payoff_summary import tables  # noqa: PLC0415
     from baselines.report.trial_page import build_trial_page  # noqa: PLC0415
     from baselines.trial.judge import judge  # noqa: PLC0415
     from baselines.trial.plan import plan  # noqa: PLC0415

@@ -2,27 +2,37 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
 
-from baselines.compare import Comparison, Result, headline, run_controller
-from baselines.controllers import SAMPLE_TIME_S
+from baselines.compare import Comparison, Result, behaviour, headline, summarise
+from baselines.compare.comparison import instants
 from baselines.report import control_plots as plots
 from baselines.report.design_page import cell
+from baselines.report.learnt_section import behaviour_section, statistics_section
 from baselines.report.page import Section, render
+from baselines.running import run_many
 from baselines.shares import Share
 from flexdrive_gym import LinearController, __version__
 from flexdrive_gym.references import handout_trajectory
 
 
 def build_compare_page(comparison: Comparison) -> str:
-    """Return the page as HTML: tables of all measures, tracking errors, robustness, margins."""
-    sections = [_tracking(comparison), _margins(comparison), _robustness(comparison), _who(comparison)]
-    drawn = sum(c.group == "draw" for c in comparison.cases)
+    """Return the page as HTML: measures, statistics, where learning loses and why, robustness, margins."""
+    sections = [_tracking(comparison)]
+    if any(r.entry.learnt for r in comparison.results):
+        summaries, improvements = summarise(comparison)
+        found = behaviour(comparison)
+        sections += [
+            statistics_section(comparison, summaries, improvements),
+            behaviour_section(comparison, summaries, found),
+        ]
+    sections += [_margins(comparison), _robustness(comparison), _who(comparison)]
+    drawn = sum(c.group == "draw" and c.handout for c in comparison.cases)
     effects = sum(c.group == "effect" for c in comparison.cases)
+    others = f", and {', '.join(comparison.references)}" if comparison.references else ""
     subtitle = (
-        f"{len(comparison.results)} controllers, {comparison.duration:g} s of the handout's "
-        f"trajectory, {drawn} drives drawn from the "
-        f"identified covariance (seed {comparison.seed}), {effects} left-out effects"
+        f"{len(comparison.results)} controllers, {comparison.duration:g} s of the handout's trajectory{others}; {drawn} drives "
+        f"drawn from the identified covariance (seed {comparison.seed}), {effects} left-out effects; one rig at 1 kHz"
     )
     return render(
         title=f"Controllers on {comparison.drive.name}",
@@ -41,56 +51,69 @@ def share_cell(share: Share | None) -> str:
 def _tracking(comparison: Comparison) -> Section:
     section = Section("Tracking on the identified drive", "tracking")
     section.table(
-        ("controller", "feedback", "rms e [mm]", "peak |e| [mm]", "settling [s]", "overshoot [%]", "vibration [V mm]",
-         "rms u [V]", "peak |u| [V]", "at the limit", "success"),
+        ("controller", "feedback", "acts every [ms]", "rms e [mm]", "peak |e| [mm]", "settling [s]", "overshoot [%]",
+         "vibration [V mm]", "rms u [V]", "peak |u| [V]", "at the limit", "success"),
         [
-            (r.entry.name, r.entry.feedback, cell(m.rms), cell(m.peak), cell(m.settling, 2), cell(m.overshoot, 2),
-             cell(m.vibration, 2), cell(m.effort), cell(m.effort_peak), f"{m.limited:.1%}", "yes" if m.success else "no")
+            (r.entry.name, r.entry.feedback, f"{1e3 * r.entry.period:g}", cell(m.rms), cell(m.peak), cell(m.settling, 2),
+             cell(m.overshoot, 2), cell(m.vibration, 2), cell(m.effort), cell(m.effort_peak), f"{m.limited:.1%}",
+             "yes" if m.success else "no")
             for r in comparison.results for m in [r.nominal]
         ],
     )  # fmt: skip
     section.text(
         f"Settling: longest time after a move until x2 stays within {comparison.tolerance:g} mm; a "
         "dash where it never does before the "
-        "next move. Success: stable and settled in every dwell. Vibration: mean energy in the second half of the dwells."
+        "next move. Success: stable and settled in every dwell. Vibration: mean energy in the second half of the dwells. A "
+        "controller slower than the rig's 1 ms holds its command between its samples."
     )
-    t = np.asarray(np.arange(round(comparison.duration / SAMPLE_TIME_S) + 1) * SAMPLE_TIME_S, dtype=np.float64)
+    # of learnt groups the middle seed, of classical designs those at the rig's own sample time
+    shown = [g.middle for g in comparison.groups if g.learnt or g.results[0].entry.period <= _RIG] or list(
+        comparison.results
+    )
+    t = instants(comparison.duration)
     xr = handout_trajectory(t)
     runs = {}
-    for r in comparison.results:
-        period = getattr(r.entry.controller, "sample_time", SAMPLE_TIME_S)
-        if period == SAMPLE_TIME_S:
-            states, u = run_controller(r.entry.controller, [comparison.drive], xr, SAMPLE_TIME_S)[0]
-            runs[r.entry.name] = (xr - states[2 if comparison.drive.carts == 2 else 0], u)
-    if len(runs) == len(comparison.results):
-        section.figure(plots.plot_errors(comparison, runs, t), "Tracking error; the band is the tolerance.")
+    for r in shown:
+        run = run_many(r.entry.controller, [comparison.drive], xr)[0]
+        runs[r.entry.name] = (xr - run[2 if comparison.drive.carts == 2 else 0], run[4])
+    section.figure(
+        plots.plot_errors(shown, comparison.tolerance, runs, t), "Tracking error; the band is the tolerance."
+    )
     return section
 
 
+_RIG = 1.001e-3
+
+
 def _margins(comparison: Comparison) -> Section:
-    section = Section("Margins of the linear loop", "margins")
+    section = Section("Margins", "margins")
     rows = [(r, r.margins) for r in comparison.results if r.margins is not None]
     section.table(
         ("controller", "stable", "crossover [rad/s]", "GM", "GM by trial", "PM [deg]", "delay margin [ms]", "by trial [ms]",
-         "disk margin", "peak |S|", "smallest disturbance rejection [V/mm]"),
+         "disk margin", "peak |S|", "smallest disturbance rejection [V/mm]", "GM on the rig", "delay on the rig [ms]"),
         [
             (r.entry.name, "yes" if m.stable else "no", cell(m.crossover), cell(m.gain_margin, 4), *_trial(r, "gain"),
              cell(m.phase_margin_deg), cell(1e3 * m.delay_margin, 4), *_trial(r, "delay"), cell(m.disk_margin),
-             cell(m.sensitivity_peak), cell(m.stiffness))
+             cell(m.sensitivity_peak), cell(m.stiffness), *_on_rig(r))
             for r, m in rows
         ],
     )  # fmt: skip
-    black = [r for r in comparison.results if r.margins is None and r.empirical is not None]
+    black = [r for r in comparison.results if r.margins is None and r.on_rig is not None]
     if black:
         section.table(
-            ("black box", "GM by trial", "delay margin by trial [ms]"),
-            [(r.entry.name, *_trial(r, "gain"), *_trial(r, "delay")) for r in black],
+            ("black box", "GM on the rig", "delay on the rig [ms]"), [(r.entry.name, *_on_rig(r)) for r in black]
         )
-    linear = {r.entry.name: r.entry.controller for r, _m in rows if isinstance(r.entry.controller, LinearController)}
+    section.text(
+        "By trial: on the linear drive. On the rig: with friction, counts and limit; a loop fails if x2 swings more than 25 mm "
+        "in the last six of twelve seconds after a move, or the command is at its limit for a tenth of them. A dash: no limit "
+        "below 200 times the gain, or a second of delay."
+    )
+    fast = [r for r, _m in rows if r.entry.period <= _RIG] or [r for r, _m in rows]
+    linear = {r.entry.name: r.entry.loop for r in fast if isinstance(r.entry.loop, LinearController)}
     if linear:
         section.figure(plots.plot_loops(comparison.drive, linear), "Loop gains, broken at the command.")
         section.figure(
-            plots.plot_trade(comparison),
+            plots.plot_trade(fast),
             "What accuracy costs: tracking error with friction over the linear loop's disk margin.",
         )
     return section
@@ -101,6 +124,11 @@ def _trial(result: Result, what: str) -> tuple[str]:
         return ("–",)
     value = result.empirical.gain_margin if what == "gain" else 1e3 * result.empirical.delay_margin
     return (cell(value, 4),)
+
+
+def _on_rig(result: Result) -> tuple[str, str]:
+    of = result.on_rig
+    return ("–", "–") if of is None else (cell(of.gain_margin, 4), cell(1e3 * of.delay_margin, 4))
 
 
 def _robustness(comparison: Comparison) -> Section:
@@ -120,9 +148,11 @@ def _robustness(comparison: Comparison) -> Section:
     effects = [c.name for c in comparison.cases if c.group == "effect"]
     if effects:
         section.heading("rms error with each left-out effect at its typical size [mm]")
+        # one column per group: of seeds the middle one
+        shown = [g.middle for g in comparison.groups]
         section.table(
-            ("effect", *(r.entry.name for r in comparison.results)),
-            [(name, *(_effect(r, name) for r in comparison.results)) for name in effects],
+            ("effect", *(r.entry.name for r in shown)),
+            [(name, *(_effect(r, name) for r in shown)) for name in effects],
         )
         section.text("* : does not settle within the tolerance; ** : leaves the travel or grows.")
     return section
@@ -143,10 +173,12 @@ def _effect(result: Result, name: str) -> str:
 def _who(comparison: Comparison) -> Section:
     section = Section("The controllers", "who")
     section.items(
-        [
-            f"{r.entry.name}: {r.entry.title or 'black box'}" + "".join(f" ({n})" for n in r.entry.notes)
-            for r in comparison.results
-        ]
-        + [f"{name}: left out, {reason}" for name, reason in comparison.skipped.items()]
+        _described(comparison.results) + [f"{k}: left out, {reason}" for k, reason in comparison.skipped.items()]
     )
     return section
+
+
+def _described(results: Sequence[Result]) -> list[str]:
+    return [
+        f"{r.entry.name}: {r.entry.title or 'black box'}" + "".join(f" ({n})" for n in r.entry.notes) for r in results
+    ]

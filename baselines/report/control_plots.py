@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from baselines.amplitude import Sustained
-    from baselines.compare import Comparison
+    from baselines.compare import Comparison, Result
     from baselines.lab4_study import Stage
 
 COLOURS = ("#1f5a99", "#d9660f", "#2e7d4f", "#8a3ea8", "#b3202c", "#6b6b6b", "#c79a00", "#127c8a")
@@ -201,15 +201,17 @@ def plot_tracking(stage: Stage) -> Figure:
 
 
 @styled
-def plot_errors(comparison: Comparison, runs: Mapping[str, tuple[FloatArray, FloatArray]], t: FloatArray) -> Figure:
-    """Draw the tracking error of every controller on the nominal drive, one panel each.
+def plot_errors(
+    results: Sequence[Result], tolerance: float, runs: Mapping[str, tuple[FloatArray, FloatArray]], t: FloatArray
+) -> Figure:
+    """Draw the tracking error of controllers on the nominal drive, one panel each.
 
     Parameters
     ----------
     runs
         Controller to (xr - x2, u), ndarray, shape (n,).
     """
-    n = len(comparison.results)
+    n = len(results)
     rows = (n + 2) // 3
     figure = new_figure(0.5 + 1.15 * rows)
     panels = figure.subplots(rows, 3, sharex=True, sharey=True, squeeze=False).ravel()
@@ -218,11 +220,11 @@ def plot_errors(comparison: Comparison, runs: Mapping[str, tuple[FloatArray, Flo
     # one scale for all; what leaves it is named in the table
     peaks = sorted(float(np.max(np.abs(e))) for e, _u in runs.values())
     top = 1.15 * peaks[int(0.75 * (len(peaks) - 1))]
-    for axes, result in zip(panels, comparison.results, strict=False):
+    for axes, result in zip(panels, results, strict=False):
         e, _u = runs[result.entry.name]
-        axes.axhspan(-comparison.tolerance, comparison.tolerance, color="#e9e9e9", linewidth=0.0)
+        axes.axhspan(-tolerance, tolerance, color="#e9e9e9", linewidth=0.0)
         axes.plot(t, e, color=CART[2], linewidth=0.9)
-        axes.set_title(f"{result.entry.name}: rms {result.nominal.rms:.2f} mm", loc="left", fontsize=8)
+        axes.set_title(f"{result.entry.name}: rms {result.nominal.rms:.2f} mm", loc="left", fontsize=7)
         axes.set_ylim(-top, top)
     for axes in panels[:n][-3:]:
         axes.set_xlabel("time [s]")
@@ -264,11 +266,11 @@ def plot_robustness(comparison: Comparison) -> Figure:
 
 
 @styled
-def plot_trade(comparison: Comparison) -> Figure:
+def plot_trade(results: Sequence[Result]) -> Figure:
     """Draw tracking error over the disk margin: what accuracy costs in robustness."""
     figure = new_figure(3.8)
     axes = figure.subplots()
-    for i, result in enumerate(comparison.results):
+    for i, result in enumerate(results):
         if result.margins is None or not np.isfinite(result.margins.disk_margin):
             continue
         axes.plot(result.margins.disk_margin, result.nominal.rms, "o", color=COLOURS[i % len(COLOURS)])

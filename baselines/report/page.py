@@ -21,7 +21,7 @@ _NUMBER = re.compile(
 
 @dataclass(frozen=True)
 class Block:
-    """A paragraph, heading, list, table or figure."""
+    """A paragraph, heading, list, table, figure, or gallery of figures."""
 
     kind: str
     text: str = ""
@@ -31,6 +31,8 @@ class Block:
     numeric: tuple[bool, ...] = ()
     png: str = ""
     caption: str = ""
+    mime: str = "image/png"
+    parts: tuple[Block, ...] = ()
 
 
 @dataclass
@@ -65,6 +67,14 @@ class Section:
         stream = io.BytesIO()
         figure.savefig(stream, format="png", dpi=dpi)
         self.blocks.append(Block("figure", png=base64.b64encode(stream.getvalue()).decode(), caption=caption))
+
+    def gallery(self, gifs: Sequence[tuple[bytes, str]]) -> None:
+        """Add moving pictures with their captions, side by side where there is room."""
+        parts = tuple(
+            Block("figure", png=base64.b64encode(data).decode(), caption=caption, mime="image/gif")
+            for data, caption in gifs
+        )
+        self.blocks.append(Block("gallery", parts=parts))
 
 
 def render(template: str = "report.html.j2", **content: Any) -> str:

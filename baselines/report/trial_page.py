@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from baselines.payoff import Row, tables
+from baselines.payoff_summary import Row, tables
 from baselines.report import trial_plots as plots
 from baselines.report.page import Section, render
 from baselines.shares import Share

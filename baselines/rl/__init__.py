@@ -1,1 +1,1 @@
-"""Reinforcement learning on the drive; the only place that imports torch and Stable-Baselines3."""
+"""Reinforcement learning on the drive; the only place that imports torch and Stable-Baselines3 (``agents`` needs neither)."""

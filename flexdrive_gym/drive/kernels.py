@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from flexdrive_gym.drive.compilation import kernel, pointer, shifted
+from flexdrive_gym.drive.effects import N_PARAMETERS, WORKSPACE
 from flexdrive_gym.drive.forces import W2, limited
-from flexdrive_gym.drive.sample import MEMORY, advance, anchor, clear, measure, power_up, push
+from flexdrive_gym.drive.sample import MEMORY, WORK_SPACE, advance, anchor, clear, measure, power_up, push
 from flexdrive_gym.drive.step import tabulate
 
 NOTHING = np.empty((4, 0))
@@ -195,3 +196,49 @@ def begin(state: Any, sample_time: float, substeps: int, memory: Any, z: Any, p:
     x1, v1, x2, v2 = state[0], state[1], state[2], state[3]
     clear(v1, v2, m, w, q)
     reading[0], reading[1], reading[2], reading[3] = power_up(x1, v1, x2, v2, sample_time, m, w, q)
+
+
+@kernel
+def run_abreast(
+    states: Any,
+    u: Any,
+    first: int,
+    sample_time: float,
+    substeps: int,
+    memory: Any,
+    z: Any,
+    p: Any,
+    readings: Any,
+    out: Any,
+) -> None:
+    """Advance many drives by a few samples after :func:`begin`, each under commands of its own.
+
+    Parameters
+    ----------
+    states : ndarray, shape (jobs, 4)
+        Changed in place.
+    u : ndarray, shape (jobs, n)
+        Commands [V], one per sample.
+    first
+        Number of the first sample since the start.
+    memory, z, p : ndarray, shapes (jobs, WORK_SPACE), (jobs, WORKSPACE) or None, (jobs, n_parameters)
+    readings : ndarray, shape (jobs, 4)
+        Written: the encoders after the last sample.
+    out : ndarray, shape (jobs, 4, n)
+        Written: the true states at the beginning of each sample.
+    """
+    all_memory, all_work, parameters = pointer(memory), pointer(z), pointer(p)
+    for j in range(states.shape[0]):
+        m = shifted(all_memory, j * WORK_SPACE)
+        w = shifted(all_work, j * WORKSPACE)
+        q = shifted(parameters, j * N_PARAMETERS)
+        table = shifted(m, MEMORY)
+        x1, v1, x2, v2 = states[j, 0], states[j, 1], states[j, 2], states[j, 3]
+        r1, r2, s1, s2 = readings[j, 0], readings[j, 1], readings[j, 2], readings[j, 3]
+        for i in range(u.shape[1]):
+            out[j, 0, i], out[j, 1, i], out[j, 2, i], out[j, 3, i] = x1, v1, x2, v2
+            t = (first + i) * sample_time
+            x1, v1, x2, v2 = advance(x1, v1, x2, v2, u[j, i], t, sample_time, substeps, table, m, w, q)
+            r1, r2, s1, s2 = measure(x1, v1, x2, v2, t + sample_time, sample_time, m, w, q)
+        states[j, 0], states[j, 1], states[j, 2], states[j, 3] = x1, v1, x2, v2
+        readings[j, 0], readings[j, 1], readings[j, 2], readings[j, 3] = r1, r2, s1, s2

@@ -137,6 +137,16 @@ class LinearController:
             total += weight * np.concatenate([np.full(min(delay, len(given)), given[0]), given])[: len(given)]
         return total
 
+    def every(self, sample_time: float) -> int | None:
+        """Return over how many samples of a rig the command is held; ``None`` where that is no whole number."""
+        ratio = self.sample_time / sample_time
+        return round(ratio) if ratio > 0.5 and abs(ratio - round(ratio)) < 1e-6 * ratio else None
+
+    def shape_held(self, xr: npt.ArrayLike, every: int) -> FloatArray:
+        """Return :meth:`shape` at a rig's samples, of which the controller takes every so many, ndarray, shape (n,)."""
+        given = np.asarray(xr, dtype=np.float64)
+        return np.repeat(self.shape(given[::every]), every)[: len(given)]
+
     def law(self) -> FloatArray:
         """Return the controller as the compiled loop reads it, ndarray."""
         assert self.L is not None
@@ -162,6 +172,7 @@ def run_batch(
     disturbance: npt.ArrayLike = 0.0,
     start: npt.ArrayLike = (0.0, 0.0, 0.0, 0.0),
     true_states: bool = True,
+    sample_time: float | None = None,
     physics_step: float = 1e-3,
 ) -> FloatArray:
     """Run one controller on many drives in the compiled loop.
@@ -171,17 +182,19 @@ def run_batch(
     drives
         One per job.
     xr : array_like, shape (n,)
-        Reference at control periods [mm], before the controller's shaper.
+        Reference at the rig's samples [mm], before the controller's shaper.
     controller
         A linear controller.
     gains, late : array_like, shape (jobs,) or scalar
-        Factor on the command, and whole samples by which it is held back, for trials of margins.
+        Factor on the command, and whole samples of the rig by which it is held back, for trials of margins.
     disturbance : array_like, shape (n,) or scalar
         Added to the command [V].
     start : array_like, shape (4,)
         x1 [mm], v1 [mm/s], x2 [mm], v2 [mm/s].
     true_states
         Whether the carts' true states are returned, or what the encoders report.
+    sample_time
+        Of the rig [s]; ``None``: the controller's own. A slower controller's command is held between its samples.
     physics_step
         Longest step of the integration [s].
 
@@ -189,8 +202,20 @@ def run_batch(
     -------
     ndarray, shape (jobs, 5, n)
         x1, v1, x2, v2 (true states) or x1, x2, v1, v2 (readings), and u.
+
+    Raises
+    ------
+    ValueError
+        If the controller's sample time is no whole multiple of the rig's.
     """
-    shaped = controller.shape(xr)
+    rig_time = controller.sample_time if sample_time is None else sample_time
+    every = controller.every(rig_time)
+    if every is None:
+        raise ValueError(
+            f"sample_time: the controller's {controller.sample_time:g} s must be a whole number of the rig's samples; got "
+            f"{rig_time:g} s. Design the controller for a multiple of it."
+        )
+    shaped = controller.shape_held(xr, every)
     jobs, n = len(drives), len(shaped)
     factor = np.ascontiguousarray(np.broadcast_to(np.asarray(gains, dtype=np.float64), (jobs,)))
     held = np.ascontiguousarray(np.broadcast_to(np.asarray(late, dtype=np.int64), (jobs,)))
@@ -198,7 +223,7 @@ def run_batch(
     out, law = np.empty((jobs, 5, n)), controller.law()
     plans: dict[tuple[int, bool], list[int]] = {}
     for j, drive in enumerate(drives):
-        steps = parameters.substeps(drive.values, controller.sample_time, physics_step)
+        steps = parameters.substeps(drive.values, rig_time, physics_step)
         plans.setdefault((steps, parameters.workspace(drive.values) is None), []).append(j)
     for (steps, _base), chosen in plans.items():
         part = np.empty((len(chosen), 5, n))
@@ -206,11 +231,12 @@ def run_batch(
             shaped,
             law,
             controller.order,
+            every,
             factor[chosen],
             held[chosen],
             pushed,
             int(true_states),
-            controller.sample_time,
+            rig_time,
             steps,
             np.array(start, dtype=np.float64),
             np.zeros(WORK_SPACE),

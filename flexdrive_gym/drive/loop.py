@@ -53,6 +53,7 @@ def run_linear(
     xr: Any,
     law: Any,
     states: int,
+    every: int,
     gains: Any,
     late: Any,
     disturbance: Any,
@@ -77,6 +78,8 @@ def run_linear(
         Constants, A, B, C, D and L of the controller, row by row.
     states
         Of the controller.
+    every
+        Samples of the rig per sample of the controller, over which its command is held.
     gains : ndarray, shape (jobs,)
         Factor on the command between controller and drive: 1, or what a gain margin is tried with.
     late : ndarray of int, shape (jobs,)
@@ -112,13 +115,15 @@ def run_linear(
             x[i] = 0.0
         for i in range(held + 1):
             fifo[i] = 0.0
+        allowed = 0.0
         for i in range(n):
-            u = _output(0, states, c, x, xr[i], r1, r2)
-            if c[_FRICTION] != 0.0:
-                ratio = _output(1, states, c, x, xr[i], r1, r2) / c[_THRESHOLD]
-                u += c[_FRICTION] * min(max(ratio, -1.0), 1.0)
-            allowed = min(max(u, -c[_LIMIT]), c[_LIMIT])
-            _update(states, c, x, xr[i], r1, r2, allowed - u)
+            if i % every == 0:
+                u = _output(0, states, c, x, xr[i], r1, r2)
+                if c[_FRICTION] != 0.0:
+                    ratio = _output(1, states, c, x, xr[i], r1, r2) / c[_THRESHOLD]
+                    u += c[_FRICTION] * min(max(ratio, -1.0), 1.0)
+                allowed = min(max(u, -c[_LIMIT]), c[_LIMIT])
+                _update(states, c, x, xr[i], r1, r2, allowed - u)
             fifo[i % (held + 1)] = allowed
             command = limited(gain * fifo[(i + 1) % (held + 1)] + disturbance[i], q)
             if true_states == 1:

@@ -169,13 +169,13 @@ def closed_loop(
         number = {"x1": 1, "x2": 2}[controller.feedback]
         kernels.run_p_control(xr, controller.gain, number, sample_time, steps, state, memory, z, p, readings, u)
         excitation = Excitation("closed_loop", excitation.amplitude, 0.0, controller.feedback, controller.gain)
-    elif isinstance(controller, LinearController) and abs(controller.sample_time - sample_time) < 1e-6 * sample_time:
+    elif isinstance(controller, LinearController) and (every := controller.every(sample_time)) is not None:
         out = np.empty((1, 5, len(t)))
         none, whole = np.zeros(len(t)), np.zeros(1, dtype=np.int64)
         work = np.zeros(2 * controller.order + 1)
         loop.run_linear(
-            controller.shape(xr), controller.law(), controller.order, np.ones(1), whole, none, 0, sample_time, steps,
-            state, memory, work, np.zeros(1), z, p[None, :], out,
+            controller.shape_held(xr, every), controller.law(), controller.order, every, np.ones(1), whole, none, 0,
+            sample_time, steps, state, memory, work, np.zeros(1), z, p[None, :], out,
         )  # fmt: skip
         readings, u = np.ascontiguousarray(out[0, :4]), out[0, 4].copy()
     else:

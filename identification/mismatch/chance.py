@@ -7,8 +7,8 @@ missing physics far more than white noise does. *Null draws* simulate the presen
 .. math:: F_c(t) = -\operatorname{sgn}(v_c)\, d_c \left(a_r + w_c(t) + h_c(x_c(t) + x_{0r})\right) + n_c(t),
 
 with :math:`a_r` one number per run, :math:`w_c` an Ornstein-Uhlenbeck process, :math:`h_c` one random profile of the track that
-every run meets from its own starting place, and :math:`n_c` band-limited noise and the slope of the track, which has such a
-profile too. Gains are shares, so only the mixture matters;
+every run meets from its own starting place, near the others or far from them, and :math:`n_c` band-limited noise and forces along
+the track: short hills and a slow slope, which have such profiles too. Gains are shares, so only the mixture matters;
 it is drawn anew for every draw: the spread between runs about what these recordings show, the rest over the range seen on two
 rigs. The gain of every candidate in every draw, relative to
 what that candidate usually reaches by chance, has a maximum over the catalogue; the share of draws in which it exceeds the
@@ -37,7 +37,11 @@ DRAWS = 119
 _ABOUT, _WITHIN, _ROUGH = (0.7, 1.4), (0.01, 0.06), (0.005, 0.06)
 _LENGTH_MM, _NOISE_V = (3.0, 60.0), (0.01, 0.05)
 _SLOPE_MM = (20.0, 200.0)
-_WANDER_S, _BAND_HZ, _START_MM = 2.0, 50.0, 150.0
+# short hills of the track [V]: long ones are slopes
+_HILLS_V, _HILLS_MM = (0.003, 0.015), (3.0, 10.0)
+_WANDER_S, _BAND_HZ = 2.0, 50.0
+# a cart is put back about where it was, or runs on along the track
+_START_MM = (25.0, 150.0)
 _TRACK_MM = np.linspace(-250.0, 250.0, 501)
 # candidates that a thread looks at together
 _PART = 32
@@ -109,9 +113,12 @@ def chance(bench: Workbench, screened: Mapping[View, Sequence[Screened]], null: 
         e = bench.seen(view, null)
         e -= present @ (present.T @ e)
         total = np.maximum(np.sum(e**2, axis=0), 1e-300)
+        narrow = e.astype(np.float32)
         parts = [entries[i : i + _PART] for i in range(0, len(entries), _PART)]
         shares = [
-            found / total for part in bench.pool.map(lambda p, e=e: explained(bench, p, e), parts) for found in part
+            found / total
+            for part in bench.pool.map(lambda p, e=narrow: explained(bench, p, e), parts)
+            for found in part
         ]
         names = tuple(dict.fromkeys(s.candidate.name for s in entries))
         views.append(
@@ -133,11 +140,14 @@ def nuisance(
     length, noise = _log_uniform(rng, *_LENGTH_MM), _log_uniform(rng, *_NOISE_V)
     carts = len(bench.runs[0].keep)
     profiles = [_Profile(rng, length) for _ in range(carts)]
+    hills = [_Profile(rng, _log_uniform(rng, *_HILLS_MM)) for _ in range(carts)]
+    height = _log_uniform(rng, *_HILLS_V)
     # half of it: friction along the track makes constant forces too
     slope = 0.5 * bench.spread.get("offset", 0.005) * _log_uniform(rng, *_ABOUT)
     slopes = [_Profile(rng, _log_uniform(rng, *_SLOPE_MM)) for _ in range(carts)]
     pushes = []
-    start = rng.uniform(-_START_MM, _START_MM) if bench.parts else 0.0
+    apart = _log_uniform(rng, *_START_MM)
+    start = apart * rng.standard_normal()
     # what all parts of one recording share is no difference between them: a friction or a slope that chance could make there
     # would be a property of the drive
     ways = [np.concatenate([r.track[c] for r in bench.runs]) + start for c in range(carts)]
@@ -149,7 +159,7 @@ def nuisance(
         n, h = len(run.u), run.sample_time
         force = np.zeros((2, n))
         if not bench.parts:
-            start = rng.uniform(-_START_MM, _START_MM)
+            start = apart * rng.standard_normal()
         for c in range(carts):
             v = speed[c]
             keep = np.exp(-_COARSE * h / _WANDER_S)
@@ -160,7 +170,7 @@ def nuisance(
             coarse = max(1, round(0.5 / _BAND_HZ / h))
             shake = np.interp(np.arange(n) / coarse, np.arange(n // coarse + 2), rng.standard_normal(n // coarse + 2))
             force[c] = noise * shake
-            force[c] += slope * (slopes[c](run.track[c] + start) - shared[c])
+            force[c] += slope * (slopes[c](run.track[c] + start) - shared[c]) + height * hills[c](run.track[c] + start)
             force[c] += against(v) * dry_level(values, c) * friction
         pushes.append(force)
     return pushes

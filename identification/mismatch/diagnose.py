@@ -220,6 +220,7 @@ class _Diagnosing:
                 "order": {"@".join(p.step.rival.name): (keys_of(p.step), held_of(p.step)) for p in proofs},
             },
             learnt=after,
+            tied=self.tied.drive if self.tied else None,
         )
 
     def unnamed(self, found: Search) -> tuple[Shape | None, list[tuple[str, float]], bool]:

@@ -14,7 +14,7 @@ from identification.mismatch.candidates import Candidate, bounds, catalogue
 from identification.mismatch.chance import Chance, chance, null_residuals
 from identification.mismatch.refit import Fit, refit
 from identification.mismatch.screening import Screened, orthonormal, screen
-from identification.mismatch.workbench import View, Workbench
+from identification.mismatch.workbench import Columns, View, Workbench
 from identification.topology import Topology
 
 Progress = Callable[[str], None]
@@ -106,13 +106,13 @@ class Stage:
 
 def directions(
     bench: Workbench, candidates: Sequence[Candidate], values: Mapping[str, float], raw: FloatArray
-) -> list[FloatArray]:
+) -> list[Columns]:
     """Return, per candidate, the change of the raw residual as each size goes from null to its start, shape (N, sizes)."""
     jobs = [(i, drive) for i, candidate in enumerate(candidates) for drive in candidate.directions(values)]
-    columns: list[list[FloatArray]] = [[] for _ in candidates]
+    columns: list[list[Columns]] = [[] for _ in candidates]
     for begin in range(0, len(jobs), _BATCH):
         part = jobs[begin : begin + _BATCH]
-        found = bench.residuals([drive for _, drive in part]) - raw[:, None]
+        found = (bench.residuals([drive for _, drive in part]) - raw[:, None]).astype(np.float32)
         for (i, _), column in zip(part, found.T, strict=True):
             columns[i].append(column)
     return [np.column_stack(c) for c in columns]
@@ -173,15 +173,15 @@ def stage(
 
 
 def screened_in(
-    bench: Workbench, view: View, model: Fit, candidates: Sequence[Candidate], columns: Sequence[FloatArray]
+    bench: Workbench, view: View, model: Fit, candidates: Sequence[Candidate], columns: Sequence[Columns]
 ) -> list[Screened]:
     """Screen every candidate in one view; ``columns`` as from :func:`directions`."""
     present = orthonormal(bench.seen(view, model.sensitivity))
     e = model.seen(view)
     e = e - present @ (present.T @ e)
 
-    def one(pair: tuple[Candidate, FloatArray]) -> Screened:
-        return screen(bench, pair[0], bench.seen(view, pair[1]), e, present)
+    def one(pair: tuple[Candidate, Columns]) -> Screened:
+        return screen(bench, pair[0], bench.seen(view, pair[1].astype(np.float64)), e, present)
 
     return list(bench.pool.map(one, zip(candidates, columns, strict=True)))
 
@@ -279,7 +279,7 @@ def _align(bench: Workbench, model: Fit, c: Candidate, start: dict[str, float], 
     shape = tuple((k, start[k]) for k, _ in c.shapes)
     step = dict(c.sizes)[sin]
     probe = Candidate(c.id, c.where, ((sin, step), (cos, step)), shape)
-    columns = bench.comparable(directions(bench, [probe], model.values, raw)[0])
+    columns = bench.comparable(directions(bench, [probe], model.values, raw)[0].astype(np.float64))
     present = orthonormal(model.jacobian)
     columns -= present @ (present.T @ columns)
     e = model.residual - present @ (present.T @ model.residual)

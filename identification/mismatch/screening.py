@@ -19,7 +19,7 @@ import numpy as np
 from flexdrive_gym.drive.effects import LAYOUT
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.candidates import Candidate, switch
-from identification.mismatch.workbench import Workbench
+from identification.mismatch.workbench import Columns, Workbench
 
 _SMALLEST = 1e-3
 # candidates whose columns are held side by side
@@ -49,8 +49,8 @@ class Screened:
     gain: float
     sizes: tuple[float, ...]
     hidden: float
-    basis: FloatArray
-    waves: FloatArray
+    basis: Columns
+    waves: Columns
 
     def explains(self, bench: Workbench, residual: FloatArray) -> FloatArray:
         r"""Return how much of the square of residuals, shape (N,) or (N, draws), it explains, shape () or (draws,).
@@ -61,14 +61,13 @@ class Screened:
         return explained(bench, [self], residual)[0]
 
 
-def explained(bench: Workbench, screened: Sequence[Screened], residual: FloatArray) -> list[FloatArray]:
+def explained(bench: Workbench, screened: Sequence[Screened], residual: FloatArray | Columns) -> list[FloatArray]:
     """Return what :meth:`Screened.explains` does for each of many candidates: residuals are read once for all of them."""
     found: list[FloatArray] = []
     for begin in range(0, len(screened), _TOGETHER):
         some = screened[begin : begin + _TOGETHER]
         columns = np.hstack([half for s in some for half in (s.basis, s.waves)])
         together: FloatArray = np.zeros((columns.shape[1], *residual.shape[1:]))
-        squares: FloatArray = np.zeros_like(together)
         lengths = np.zeros((len(some), *residual.shape[1:]))
         edges = np.cumsum([0, *(n for s in some for n in (s.basis.shape[1], s.waves.shape[1]))])
         waves = [slice(edges[2 * i + 1], edges[2 * i + 2]) for i in range(len(some))]
@@ -76,13 +75,13 @@ def explained(bench: Workbench, screened: Sequence[Screened], residual: FloatArr
             rows = bench.rows.of(r)
             part = columns[rows].T @ residual[rows]
             together += part
-            np.square(part, out=squares)
+            squares = np.square(part, dtype=np.float64)
             for i, own in enumerate(waves):
                 if own.stop > own.start:
                     lengths[i] += np.sqrt(squares[own].sum(axis=0))
         for i, s in enumerate(some):
             basis = together[edges[2 * i] : edges[2 * i + 1]]
-            power = max(0.5 * float(np.sum(s.waves**2)), 1e-300)
+            power = max(0.5 * float(np.sum(np.square(s.waves, dtype=np.float64))), 1e-300)
             found.append(np.asarray(np.sum(basis**2, axis=0) + lengths[i] ** 2 / power))
     return found
 
@@ -111,7 +110,7 @@ def screen(
     present
         Orthonormal basis of the present model's directions, shape (N, m).
     """
-    nothing = Screened(candidate, 0.0, tuple(0.0 for _ in candidate.sizes), 1.0, *_nothing(len(residual)))
+    nothing = Screened(candidate, 0.0, tuple(0.0 for _ in candidate.sizes), 1.0, *_nothing(len(residual), 2))
     total = float(np.sum(columns**2))
     if not total > 0.0:
         return nothing
@@ -135,11 +134,11 @@ def screen(
     sizes = tuple(
         start if _switch(key) else float(a * start) for (key, start), a in zip(candidate.sizes, amplitude, strict=True)
     )
-    return Screened(candidate, gain, sizes, hidden, basis, basis[:, :0])
+    return Screened(candidate, gain, sizes, hidden, basis.astype(np.float32), *_nothing(len(residual), 1))
 
 
-def _nothing(n: int) -> tuple[FloatArray, FloatArray]:
-    return np.zeros((n, 0)), np.zeros((n, 0))
+def _nothing(n: int, times: int) -> list[Columns]:
+    return [np.zeros((n, 0), dtype=np.float32) for _ in range(times)]
 
 
 def _one_sided(key: str) -> bool:
@@ -158,7 +157,7 @@ def _screen_waves(
     repeats = np.array([key.endswith(("a_sin", "a_cos")) for key, _ in candidate.sizes])
     basis = orthonormal(beyond[:, ~repeats]) if not repeats.all() else beyond[:, :0]
     waves = beyond[:, repeats] - basis @ (basis.T @ beyond[:, repeats])
-    found = Screened(candidate, 0.0, (), hidden, basis, waves)
+    found = Screened(candidate, 0.0, (), hidden, basis.astype(np.float32), waves.astype(np.float32))
     rows = [bench.rows.of(r) for r in range(len(bench.runs))]
     along = sum(float(np.linalg.norm(waves[i].T @ residual[i])) for i in rows)
     amplitude = along / max(0.5 * float(np.sum(waves**2)), 1e-300)

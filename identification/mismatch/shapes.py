@@ -102,7 +102,7 @@ def free_shapes(bench: Workbench, model: Fit) -> list[Shape]:
 
 def likeness(bench: Workbench, shape: Shape, screened: Sequence[Screened]) -> list[tuple[str, float]]:
     """Return the names nearest to what a shape explains, with |cosine|, most alike first."""
-    f = shape.screened.basis @ shape.screened.sizes
+    f: FloatArray = np.asarray(shape.screened.basis @ shape.screened.sizes, dtype=np.float64)
     norm = float(np.linalg.norm(f))
     best: dict[str, float] = {}
     for s in screened:
@@ -193,7 +193,7 @@ def _judge(
         band,
         gain,
         _predicted(bench, beyond, e),
-        Screened(candidate, gain, tuple(amounts), 0.0, basis, basis[:, :0]),
+        Screened(candidate, gain, tuple(amounts), 0.0, basis.astype(np.float32), basis[:, :0].astype(np.float32)),
     )
 
 

@@ -16,6 +16,8 @@ from identification.mismatch.missing_force import MissingForce
 
 SHORTEST, LONGEST, WAVELENGTHS = 2.0, 160.0, 300
 _STEP = 4
+# wavelengths that a way of 100 mm tells apart
+COMB_MM = tuple(100.0 / k for k in range(1, 26))
 
 
 def wavelengths() -> FloatArray:
@@ -57,8 +59,12 @@ def peaks(power: FloatArray, most: int) -> tuple[float, ...]:
 
 
 def periods(forces: Sequence[MissingForce]) -> dict[str, tuple[float, ...]]:
-    """Return start values found in the data for every period of the catalogue [mm]."""
-    found = {"cogging.P": peaks(spectrum(forces, 0), 4)}
+    """Return start values for every period of the catalogue [mm]: those found in the data, and a comb of others for cogging.
+
+    A rough track has a highest peak somewhere, too. The comb is for the null draws, which have their peaks elsewhere: looked at
+    only where the recordings have theirs, they would show less than chance reaches by choosing its own place.
+    """
+    found = {"cogging.P": (*peaks(spectrum(forces, 0), 4), *COMB_MM)}
     carts = len(forces[0].g)
     if carts == 2:
         found["encoder_eccentricity.P"] = peaks(spectrum(forces, 1), 4)

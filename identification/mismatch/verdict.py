@@ -136,6 +136,8 @@ class Diagnosis:
     learnt
         The diagnosed drive fitted to the recordings learnt from alone, which held-out figures are about; ``None`` where it
         was not kept.
+    tied
+        The drive fitted with the handout's ratios, or ``None`` where they do not apply.
     notes
         Sentences a reader should see.
     maps, harmonics, forces, remaining
@@ -168,6 +170,7 @@ class Diagnosis:
     unit: str = "mm/s"
     extra: Mapping[str, Any] = field(default_factory=dict)
     learnt: Drive | None = None
+    tied: Drive | None = None
 
     def as_json(self, drive: str = "drive.toml") -> dict[str, Any]:
         """Return the object of ``diagnosis.json``; not-a-number becomes null."""

@@ -23,11 +23,14 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from flexdrive_gym.recording import BoolArray, FloatArray
 from identification.output_error import Run, simulate_run
 
 View = Literal["comparable", "weighted"]
+# columns of a whole catalogue, kept in single precision: what they explain is a share
+Columns = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,13 +3,17 @@
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from baselines.blind.critical_gain import critical_gain, gain_margin
 from baselines.blind.truth import draw_truth
 from baselines.controllers import design
 from baselines.margins import margins
-from baselines.payoff import Outcome, Payoff, law_of, payoff, summary, tables
+from baselines.payoff import Outcome, Payoff, law_of, payoff
+from baselines.payoff_summary import summary, tables
+from baselines.rl.agents import Agent
+from baselines.sim_to_real import Gap, closings, gaps, mean_gaps
 from baselines.stability_limit import with_rig
 from flexdrive_gym import Drive
 
@@ -95,5 +99,53 @@ def test_the_tables_say_by_how_much():
     assert margins[0] == "p_x2_half"
 
 
+def p_agent(gain):
+    """A policy that is P-control from x2."""
+    weights = np.zeros((1, 8))
+    weights[0, 2] = gain / 8.0
+    return Agent("p", [(weights, np.zeros(1))], "tanh", {"sensing": "non_collocated"})
+
+
+def test_an_agent_that_is_p_control_does_on_the_rig_what_p_control_does():
+    half = 0.5 * critical_gain(NULL)
+    found = payoff(NULL, {"tied": BASE}, ("p_x2_half",), {"tied": p_agent(half)})
+    design, agent = found.find("tied", "p_x2_half"), found.find("tied", "agent")
+    assert agent.rms == pytest.approx(design.rms, rel=0.05)  # the agent acts every 5 ms, the design every 1 ms
+    assert agent.stable
+    assert agent.margin is None
+    assert Payoff.from_json(json.loads(json.dumps(found.as_json()))) == found
+    with pytest.raises(ValueError, match="agents: must belong to tied; got free"):
+        payoff(NULL, {"tied": BASE}, (), {"free": p_agent(half)})
+
+
+def test_the_gap_is_what_the_rig_is_off_the_promise():
+    """A drive with far too little friction promises P-control an error that the rig does not keep."""
+    slippery = BASE.replace({"d1": 0.3 * BASE["d1"], "d2": 0.3 * BASE["d2"]})
+    agent = p_agent(0.4 * critical_gain(NULL))
+    free, diagnosed = gaps(NULL, {"free": slippery, "diagnosed": BASE}, {"free": agent, "diagnosed": agent})
+    assert free.reached == diagnosed.reached  # the same agent on the same rig
+    assert free.promised < diagnosed.promised
+    assert diagnosed.gap < 0.5 * free.gap
+
+
+def test_closings_are_paired():
+    rigs = [
+        [Gap("tied", 1.0, 3.0, True), Gap("diagnosed", 1.0, 1.5, True)],
+        [Gap("tied", 1.0, 2.0, True), Gap("diagnosed", 1.0, 1.5, True)],
+        [Gap("tied", 1.0, None, False), Gap("diagnosed", 1.0, 1.0, True)],
+    ]
+    (found,) = closings(rigs)
+    assert (found.better, found.other, found.closed.n) == ("diagnosed", "tied", 2)
+    assert found.closed.value == pytest.approx((0.75 + 0.5) / 2)
+    assert found.ratio.value == pytest.approx((0.5 + 0.75) / 2)
+
+
 def test_nothing_tried_has_no_rows():
     assert [rows for _, rows in tables(())] == [[], []]
+
+
+def test_gaps_of_several_trainings_are_those_of_their_means():
+    one, two = Gap("free", 1.0, 2.0, stable=True), Gap("free", 2.0, 6.0, stable=True)
+    assert mean_gaps([(one,), (two,)]) == (Gap("free", 1.5, 4.0, stable=True),)
+    lost = Gap("free", 1.0, None, stable=False)
+    assert mean_gaps([(one,), (lost,)]) == (Gap("free", 1.0, None, stable=False),)

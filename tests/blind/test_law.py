@@ -63,3 +63,20 @@ def test_the_shaper_repeats_the_reference_later():
     law = Law(*(getattr(p_law(0.05), n) for n in "ABCDL"), shaper=((0, 0.25), (3, 0.75)))
     xr = np.arange(6.0)
     assert law.shaped(xr) == pytest.approx([0.0, 0.25, 0.5, 0.75, 1.75, 2.75])
+
+
+def test_a_black_box_that_is_the_law_does_the_same():
+    """Asked sample by sample, in parts of one sample each, the rig goes on where it was."""
+    law = p_law(0.09)
+    compiled = run(VALUES, quiet(len(XR)), XR, law=law, factor=0.8, ahead=0.1 * XR / 50.0)
+    asked = run(
+        VALUES, quiet(len(XR)), XR, asked=lambda _t, xr, _y1, y2: 0.09 * (xr - y2), factor=0.8, ahead=0.1 * XR / 50.0
+    )
+    assert np.max(np.abs(compiled.u - asked.u)) < 1e-9
+    assert np.max(np.abs(compiled.states[[0, 2]] - asked.states[[0, 2]])) < COUNT_MM
+    assert np.array_equal(compiled.counts.shape, asked.counts.shape)
+
+
+def test_one_controller_runs_the_rig():
+    with pytest.raises(ValueError, match="asked: one controller"):
+        run(VALUES, quiet(len(XR)), XR, law=p_law(0.05), asked=lambda *_: 0.0)

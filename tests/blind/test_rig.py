@@ -7,9 +7,9 @@ import sys
 import numpy as np
 import pytest
 
-from baselines.blind.kernel import COUNT_MM, _stack, vector
+from baselines.blind.kernel import COUNT_MM, _stack
 from baselines.blind.recordings import trajectory
-from baselines.blind.rig import Surroundings, quiet, run
+from baselines.blind.rig import Surroundings, quiet, run, vector
 
 VALUES = {"m1": 7.6e-4, "m2": 3.4e-4, "b1": 9.5e-3, "b2": 3.2e-3, "k": 0.096, "d1": 0.36, "d2": 0.25}
 T = np.arange(4001) * 1e-3

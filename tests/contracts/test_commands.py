@@ -50,8 +50,8 @@ def folder(tmp_path_factory):
 
 def test_the_contract_names_every_command():
     assert set(COMMANDS) == {
-        "demo", "identify", "validate", "stability", "experiment", "diagnose", "design", "compare", "report", "blind",
-        "benchmark",
+        "demo", "identify", "validate", "stability", "experiment", "diagnose", "design", "train", "compare", "report",
+        "blind", "benchmark",
     }  # fmt: skip
 
 
@@ -83,7 +83,7 @@ def test_a_missing_file_is_named_and_nothing_is_written(command, tmp_path):
         ("validate", ["drive.toml", "recordings"]),
         ("stability", ["drive.toml", "-o", "out"]),
         ("design", ["drive.toml", "-o", "out"]),
-        ("compare", ["drive.toml", "-o", "out", "--controllers", "p_x2,lab4", "--no-effects"]),
+        ("compare", ["drive.toml", "-o", "out", "-c", "p_x2,lab4", "-a", "none", "-r", "sine", "--no-effects"]),
         ("experiment", ["drive.toml", "-o", "out/day", "--frequency", "1", "--square", "1.5"]),
         ("report", ["recordings", "-o", "out/report.html"]),
     ],
@@ -106,8 +106,10 @@ def test_json_is_one_object(folder, command, arguments):
         assert found["refined"]["met"]
         assert set(found["refined"]["values"]) >= {"φmax", "α", "T", "Z = 1/(αT)", "P = 1/T", "Kp"}
     if command == "compare":
-        assert set(found["controllers"]) == {"p_x2", "lab4"}
-        assert found["cases"] == {"nominal": 1, "draw": 0, "effect": 0}
+        assert set(found["controllers"]) == {"p_x2", "lab4", "p_x2@5ms", "lab4@5ms"}
+        assert found["cases"] == {"nominal": 1, "draw": 0, "effect": 0, "unseen": 1}
+        teaching = (folder / "out" / "teaching.html").read_text()
+        assert not re.findall(r"""(?:src|href)=["'](?!data:|#)""", teaching)
         assert "no covariance" in found["notes"][0]
     if command == "identify":
         expected = {"bT", "b1", "b2", "dT", "d1", "d2", "p", "mT", "m1", "m2", "omega_d", "k", "zeta", "omega_n", "C"}

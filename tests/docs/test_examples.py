@@ -11,6 +11,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 EXPECTED = {
     "p_controller.py": ([], r"rms tracking error 1[0-9]\.\d+ mm over 4000 ms"),
     "random_search.py": ([], r"best of 512: P = \d"),
+    "cleanrl_style.py": (["8192"], r"rms tracking error \d+\.\d+ mm on the handout's trajectory"),
     "stable_baselines.py": (["2048"], r"mean return .* after 2048 steps"),
 }
 
@@ -21,7 +22,7 @@ def test_every_example_is_tested():
 
 @pytest.mark.parametrize("name", EXPECTED)
 def test_example_runs(name):
-    if name == "stable_baselines.py":
+    if name in {"stable_baselines.py", "cleanrl_style.py"}:
         pytest.importorskip("stable_baselines3", reason="needs the extra rl")
     arguments, pattern = EXPECTED[name]
     done = subprocess.run(

@@ -1,0 +1,37 @@
+"""All controllers on the same drives, paired: what competes, where it runs, what is measured, and how sure that is."""
+
+from baselines.compare.behaviour import Behaviour, behaviour, best_classical
+from baselines.compare.cases import DRAWS, UNSEEN, Case, cases_of, named_reference, typical_effects
+from baselines.compare.comparison import DURATION_S, compare
+from baselines.compare.entries import Entry, agent_entries, entries, previewed_entries
+from baselines.compare.results import Comparison, Group, Result
+from baselines.compare.sentences import headline
+from baselines.compare.summary import Improvement, Summary, summarise
+from baselines.compare.verdicts import learnt_verdicts, where_it_loses
+
+__all__ = [
+    "DRAWS",
+    "DURATION_S",
+    "UNSEEN",
+    "Behaviour",
+    "Case",
+    "Comparison",
+    "Entry",
+    "Group",
+    "Improvement",
+    "Result",
+    "Summary",
+    "agent_entries",
+    "behaviour",
+    "best_classical",
+    "cases_of",
+    "compare",
+    "entries",
+    "headline",
+    "learnt_verdicts",
+    "named_reference",
+    "previewed_entries",
+    "summarise",
+    "typical_effects",
+    "where_it_loses",
+]

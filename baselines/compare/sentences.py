@@ -1,0 +1,46 @@
+"""What a comparison found, in sentences made from its figures."""
+
+from __future__ import annotations
+
+from math import isfinite
+
+from baselines.compare.results import Comparison
+
+
+def headline(comparison: Comparison) -> list[str]:
+    """Say in sentences what the comparison found."""
+    ranked = sorted(comparison.results, key=lambda r: (not r.nominal.success, r.nominal.rms))
+    best = ranked[0]
+    said = []
+    if best.nominal.success:
+        said.append(
+            f"Least tracking error among those that settle within {comparison.tolerance:g} mm in every dwell: {best.entry.name}, "
+            f"{best.nominal.rms:.2f} mm rms, {best.nominal.peak:.1f} mm peak."
+        )
+        failed = [r.entry.name for r in ranked if not r.nominal.success]
+        if failed:
+            said.append(f"Do not settle on the identified drive: {', '.join(failed)}.")
+    else:
+        said.append(f"No controller settles within {comparison.tolerance:g} mm in every dwell.")
+    # alike on every draw: then the draws say nothing of who is more robust
+    drawn = [r for r in comparison.results if r.draws is not None and r.nominal.success]
+    fragile = [r for r in drawn if r.draws is not None and r.draws.value < 1.0]
+    if drawn and not fragile:
+        said.append("Every controller that settles on the identified drive settles on all drawn drives.")
+    said += [
+        f"{r.entry.name} settles on {r.draws.value:.1%} of the drawn drives." for r in fragile if r.draws is not None
+    ]
+    for r in comparison.results:
+        lost = [name for name, m in r.effects.items() if not m.stable]
+        if lost:
+            said.append(f"{r.entry.name} becomes unstable with: {'; '.join(lost)}.")
+    off = [
+        max(abs(e.gain_margin / m.gain_margin - 1.0), abs(e.delay_margin / m.delay_margin - 1.0))
+        for r in comparison.results
+        for m, e in [(r.margins, r.empirical)]
+        if m is not None and e is not None and isfinite(m.gain_margin) and isfinite(m.delay_margin)
+        and isfinite(e.gain_margin) and isfinite(e.delay_margin)
+    ]  # fmt: skip
+    if off:
+        said.append(f"Margins found by trial agree with python-control's to {max(off):.1%}.")
+    return said

@@ -1,0 +1,105 @@
+"""Agents trained on the tied, the free and the diagnosed drive, on concealed rigs: ``python -m benchmarks sim_to_real --rigs N``.
+
+Each rig costs a diagnosis and three trainings per seed. What is done already is kept in the folder, so a run goes on where it was
+stopped. ``--study DIR`` takes the rigs and diagnoses of a concealed trial (``flexdrive blind -o DIR``) instead of making its own.
+"""
+
+import argparse
+import json
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from baselines.blind.truth import Truth, draw_truth
+from baselines.rl.agents import load_agent
+from baselines.sim_to_real import Gap, closings, gaps, mean_gaps
+from baselines.trial.one import conduct, opened
+from baselines.trial.plan import Trial, plan
+from baselines.trial.study import settings
+from flexdrive_gym.drive.toml import loads
+
+DRIVES = ("tied", "free", "diagnosed")
+# a plan depends on its length; with a fixed one, what a folder holds stays the same rig's however many are asked for
+TRIALS = 400
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks sim_to_real", description=__doc__)
+    parser.add_argument("name", help=argparse.SUPPRESS)
+    parser.add_argument("--rigs", type=int, default=4, help="how many concealed rigs")
+    parser.add_argument("--steps", type=int, default=500_000, help="of each training")
+    parser.add_argument("--seeds", type=int, default=1, help="trainings on each drive; errors are means over them")
+    parser.add_argument("--study", type=Path, help="folder of a concealed trial, whose diagnoses are taken")
+    parser.add_argument(
+        "--seed", type=int, default=0, help="of the rigs and the trainings; each needs a folder of its own"
+    )
+    parser.add_argument("--folder", type=Path, default=Path("sim_to_real"), help="for what is found on the way")
+    given = parser.parse_args()
+    found = []
+    print(
+        "| rig | conceals | drive | promised [mm] | on the rig [mm] | gap [mm] | stable |\n" + "|---" * 7 + "|",
+        flush=True,
+    )
+    study = given.study or given.folder
+    for trial, truth in _rigs(given.rigs, given.seed, given.study):
+        seeds = range(given.seed, given.seed + given.seeds)
+        one = _one(trial, truth, study, given.folder, given.steps, seeds)
+        if one is None:
+            reason = json.loads(opened(study, trial.number).read_text())["failed"]
+            print(f"| {trial.number} | no drives: {reason} | | | | | |", flush=True)
+            continue
+        found.append(one)
+        conceals = ", ".join(f"{e.id} at {e.where}" for e in truth.effects)
+        for g in one:
+            reached, gap = ("–", "–") if g.reached is None or g.gap is None else (f"{g.reached:.2f}", f"{g.gap:.2f}")
+            print(
+                f"| {trial.number} | {conceals} | {g.drive} | {g.promised:.2f} | {reached} | {gap} | "
+                f"{'yes' if g.stable else 'no'} |",
+                flush=True,
+            )
+    for c in closings(found):
+        print(
+            f"{c.better} against {c.other}, {c.closed.n} rigs: share of the gap closed {c.closed} (aim 0.5), "
+            f"rms on the rig {c.ratio} times as large"
+        )
+
+
+def _rigs(number: int, seed: int, study: Path | None) -> list[tuple[Trial, Truth]]:
+    """Return the first trials whose rig conceals effects of the catalogue, as the study's payoff takes them."""
+    found: list[tuple[Trial, Truth]] = []
+    asked = {"trials": TRIALS, "seed": seed} if study is None else settings(study)
+    for t in plan(asked["trials"], asked["seed"]):
+        if study is not None and not opened(study, t.number).is_file():
+            continue
+        truth = draw_truth(t.seed, t.kind, size=t.size, effect=t.effect)
+        if len(found) < number and truth.effects and all(e.where != "outside" for e in truth.effects):
+            found.append((t, truth))
+    return found
+
+
+def _one(
+    trial: Trial, truth: Truth, study: Path, folder: Path, steps: int, seeds: Sequence[int]
+) -> tuple[Gap, ...] | None:
+    """Diagnose the rig, train on each drive, and run the agents on it."""
+    from baselines.rl.training import AGENT, Plan, train  # torch is needed for trainings only
+
+    if not opened(study, trial.number).is_file():
+        conduct(trial, study)
+    answer = json.loads(opened(study, trial.number).read_text())["answer"]
+    if answer is None:
+        return None
+    drives = {name: loads(answer["drives"][name]) for name in DRIVES}
+    found = []
+    for seed in seeds:
+        agents = {}
+        for name, drive in drives.items():
+            place = folder / "agents" / f"{trial.number:04d}-{name}-{steps}-{seed}"
+            if not (place / AGENT).is_file():
+                begin = time.perf_counter()
+                train(drive, Plan(steps=steps, seed=seed), place, name=name)
+                print(
+                    f"<!-- rig {trial.number}, {name}: trained for {time.perf_counter() - begin:.0f} s -->", flush=True
+                )
+            agents[name] = load_agent(place / AGENT)
+        found.append(gaps(truth, drives, agents))
+    return mean_gaps(found)
