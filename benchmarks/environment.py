@@ -84,7 +84,7 @@ def budget(n: int = 16384) -> None:
     # driven one way for 0.3 s all carts slide on without an event
     steady = np.full((n, 1), 0.6, dtype=np.float32)
     arrays, out = envs[0].fleet.arrays, envs[0].fleet.outputs
-    traffic = 2 * (arrays["state"].nbytes + arrays["clock"].nbytes) + arrays["actions"].nbytes + arrays["row"].nbytes
+    traffic = 2 * (arrays["state"].nbytes + arrays["clock"].nbytes) + arrays["actions"].nbytes + arrays["begin"].nbytes
     traffic += sum(getattr(out, name).nbytes for name in OUTPUTS)
     block = np.zeros(traffic // 16)
     jobs = {
@@ -132,7 +132,7 @@ def footprint() -> None:
     print(f"import: {np.median([float(r.stdout) for r in runs]):.2f} s of CPU beyond numpy and gymnasium (aim 0.3)")
     env = _batched(ID, 1000, randomise={"m1": (6e-4, 9e-4)})
     fleet = env.unwrapped.fleet
-    used = sum(array.nbytes for name, array in fleet.arrays.items() if name != "references")
+    used = sum(array.nbytes for name, array in fleet.arrays.items() if name != "lookup")
     used += sum(getattr(fleet.outputs, name).nbytes for name in OUTPUTS)
     print(f"memory: {used / 1000:.0f} bytes per drive of a randomised batch (aim 1 kB)")
 

@@ -29,7 +29,7 @@ KEYS = (*INFO, *(f"reward_{name}" for name in TERMS))
 OUTPUTS = ("observation", "reward", "terminated", "truncated")
 MOST_SPARE = 4
 # what a fleet's future depends on, beside its task
-KEPT = ("actions", "state", "clock", "seeds", "p", "row", "memory", "tables", "lanes", "told", "line")
+KEPT = ("actions", "state", "clock", "seeds", "p", "begin", "memory", "tables", "lanes", "told", "line")
 
 
 class Outputs:
@@ -113,6 +113,9 @@ class Fleet:
         self.p = np.tile(vector if full else vector[:N_BASE_PARAMETERS], (models, 1))
         self.z = np.zeros((n, WORKSPACE)) if full else None
         self.bound = (np.ones(len(entries)) if task.normalise else limits).astype(np.float32)
+        scale = 1.0 / limits if task.normalise else np.ones(len(entries))
+        # the space's bounds are single precision: clip to what they are
+        bound = self.bound.astype(np.float64)
         alone = n if self.one_by_one else 0
         self.arrays: dict[str, npt.NDArray[Any]] = {
             "actions": self.actions,
@@ -120,17 +123,15 @@ class Fleet:
             "state": self._state,
             "told": self._told,
             "clock": self.clock,
-            "row": np.zeros(n, dtype=np.int64),
+            "begin": np.zeros(n, dtype=np.int64),
             "seeds": self.seeds,
             "p": self.p,
             "lanes": np.zeros((strips if drawn.names else 1, layout.PARAMETER_ROWS, layout.ROW)),
             "tables": np.zeros((min(alone, models), lanes.TABLE_COLUMNS)),
             "memory": np.zeros((alone, MEMORY)),
-            "references": task.references,
-            "ahead": task.ahead,
-            "scale": 1.0 / limits if task.normalise else np.ones(len(entries)),
-            # the space's bounds are single precision: clip to what they are
-            "bound": self.bound.astype(np.float64),
+            "lookup": _lookup(task, scale, bound),
+            "scale": scale,
+            "bound": bound,
             "nominal": np.array([rig[name] for name in drawn.names]),
             "which": np.array([parameters.index(name) for name in drawn.names], dtype=np.int64),
             "inverse": np.array([name in parameters.MASS_PARAMETERS for name in drawn.names], dtype=np.int64),
@@ -148,7 +149,7 @@ class Fleet:
             layout.SHORT: int(short),
             layout.ENTRIES: len(entries),
             layout.PREVIEWS: len(task.ahead),
-            layout.SAMPLES: task.references.shape[1],
+            layout.SAMPLES: self.arrays["lookup"].shape[1],
             layout.REFERENCES: task.references.shape[0],
             layout.ONE_BY_ONE: int(self.one_by_one),
             layout.DRAWN: len(drawn.names),
@@ -156,7 +157,7 @@ class Fleet:
             layout.LATE: task.late,
             layout.TELLS: int(tells),
         }
-        self._everyone = np.ones(n, dtype=np.bool_)
+        self._everyone = np.arange(n)
         useful = max(1, min(threads, n // LEAST_PER_THREAD))
         self._parts, self._work = self._divide(sizes, useful * SHARES if useful > 1 else 1)
         self._helpers = useful - 1
@@ -177,14 +178,13 @@ class Fleet:
         where = self._everyone if mask is None else mask
         self.seeds[where] = mixed[where]
 
-    def reset(self, mask: BoolArray | None = None, start: npt.ArrayLike = (0.0, 0.0, 0.0, 0.0)) -> None:
-        """Start new episodes of the (masked) drives at x1, v1, x2, v2; writes into :attr:`outputs`."""
+    def reset(self, which: npt.NDArray[np.int64] | None = None, start: npt.ArrayLike = (0.0, 0.0, 0.0, 0.0)) -> None:
+        """Start new episodes of the drives with these numbers, or of all, at x1, v1, x2, v2; writes into :attr:`outputs`."""
         begin = np.array(start, dtype=np.float64)
         if begin.shape != (4,) or not np.all(np.isfinite(begin)):
             raise ValueError(f"state: must be four finite numbers x1, v1, x2, v2; got {start!r}.")
-        where = self._everyone if mask is None else mask
         for address in self.outputs.addresses:
-            kernels.reset_fleet(address, where, begin, self.z)
+            kernels.reset_fleet(address, self._everyone if which is None else which, begin, self.z)
 
     def step(self) -> Outputs:
         """Advance all drives by one control period under ``actions``; return :attr:`outputs`, others than before."""
@@ -259,7 +259,8 @@ class Fleet:
             own: dict[str, npt.NDArray[Any]] = {
                 "work": np.zeros(max(layout.LANES_WORK, sizes[layout.DRAWN])),
                 "picks": np.zeros(layout.GATHERED, dtype=np.int64),
-                "seen": np.zeros((len(self.bound), layout.ROW), dtype=np.float32),
+                "shown": np.zeros((layout.LANES, sizes[layout.PREVIEWS] + 1), dtype=np.float32),
+                "entries": np.zeros((len(self.bound), layout.ROW), dtype=np.float32),
             }
             block = np.zeros(layout.BLOCK, dtype=np.int64)
             for i, value in {**sizes, layout.LOW: int(low), layout.HIGH: min(int(high), self.n)}.items():
@@ -290,6 +291,24 @@ def _constants(task: Task) -> FloatArray:
         task.control_period, task.travel_limit, task.stroke_limit, *weights,
         ERROR_SCALE_MM, task.voltage, task.horizon, task.noise,
     ])  # fmt: skip
+
+
+def _lookup(task: Task, scale: FloatArray, bound: FloatArray) -> npt.NDArray[Any]:
+    """Return a row per reference and instant: its value, then value and preview as the observation shows them.
+
+    All that a drive looks up in a step is then in one place.
+    """
+    instants = (0, *task.ahead)
+    row = np.dtype([("exact", np.float64), ("shown", np.float32, (len(instants),))], align=True)
+    samples = task.horizon + 2
+    table = np.zeros((len(task.references), samples), dtype=row)
+    table["exact"] = task.references[:, :samples]
+    # entries are error, reference, command, preview at the end
+    places = (-2 - len(task.ahead), *range(-len(task.ahead), 0))
+    for k, (ahead, place) in enumerate(zip(instants, places, strict=True)):
+        values = task.references[:, ahead : ahead + samples] * scale[place]
+        table["shown"][:, :, k] = np.clip(values, -bound[place], bound[place])
+    return table
 
 
 def _is_base(name: str) -> bool:

@@ -83,7 +83,8 @@ class FlexDriveVectorEnv(gymnasium.vector.VectorEnv[Observations, npt.NDArray[np
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self._mode = mode
-        self._due: BoolArray | None = None
+        # numbers of the drives whose next step is a reset
+        self._due: npt.NDArray[np.int64] | None = None
         self._shape = (self.num_envs, 1)
         self._actions = self.fleet.actions.reshape(self._shape)
         self._seeded = False
@@ -105,9 +106,9 @@ class FlexDriveVectorEnv(gymnasium.vector.VectorEnv[Observations, npt.NDArray[np
         mask = self._mask(options.get("reset_mask"))
         self._seed(seed, mask)
         self.fleet.renew()
-        self.fleet.reset(mask, options.get("state", (0.0, 0.0, 0.0, 0.0)))
+        self.fleet.reset(np.flatnonzero(mask), options.get("state", (0.0, 0.0, 0.0, 0.0)))
         if self._due is not None:
-            self._due = self._due & ~mask
+            self._due = self._due[~mask[self._due]]
         return self.fleet.outputs.observation, self._info(mask)
 
     def step(self, actions: npt.NDArray[np.float32]) -> tuple[Observations, FloatArray, BoolArray, BoolArray, Info]:
@@ -129,7 +130,7 @@ class FlexDriveVectorEnv(gymnasium.vector.VectorEnv[Observations, npt.NDArray[np
         return out.observation, out.reward, out.terminated, out.truncated, {}
 
     def _after(
-        self, out: Outputs, due: BoolArray | None, streams: Any
+        self, out: Outputs, due: npt.NDArray[np.int64] | None, streams: Any
     ) -> tuple[Observations, FloatArray, BoolArray, BoolArray, Info]:
         """Do what a step needs that ends, resets or tells something."""
         fleet = self.fleet
@@ -141,8 +142,8 @@ class FlexDriveVectorEnv(gymnasium.vector.VectorEnv[Observations, npt.NDArray[np
                 # random stream that knows nothing of the step just made
                 fleet.seeds[due] = streams
                 fleet.reset(due)
-            ended = terminated | truncated
-            self._due = ended if ended.any() else None
+            ended = np.flatnonzero(terminated | truncated)
+            self._due = ended if ended.size else None
         elif fleet.ended and self._mode is AutoresetMode.SAME_STEP:
             reward, terminated, truncated = reward.copy(), terminated.copy(), truncated.copy()
             info = self._end_same_step()
@@ -158,7 +159,7 @@ class FlexDriveVectorEnv(gymnasium.vector.VectorEnv[Observations, npt.NDArray[np
             final[j] = out.observation[j].copy()
         last: Info = dict(fleet.state())
         last |= {f"_{key}": done.copy() for key in KEYS}
-        fleet.reset(done)
+        fleet.reset(np.flatnonzero(done))
         return {"final_obs": final, "_final_obs": done, "final_info": last, "_final_info": done.copy()}
 
     def _info(self, mask: BoolArray | None) -> Info:

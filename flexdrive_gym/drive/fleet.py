@@ -25,14 +25,16 @@ from flexdrive_gym.drive.forces import W2, rate_1, rate_2, readings
 from flexdrive_gym.drive.lanes import TABLE_COLUMNS, integrate_each, integrate_lanes
 from flexdrive_gym.drive.layout import (
     A_ACTIONS,
-    A_AHEAD,
+    A_BEGIN,
     A_BOUND,
     A_CLOCK,
+    A_ENTRIES,
     A_FACTOR,
     A_HIGHEST,
     A_INVERSE,
     A_LANES,
     A_LINE,
+    A_LOOKUP,
     A_LOWEST,
     A_MEMORY,
     A_NOMINAL,
@@ -40,12 +42,10 @@ from flexdrive_gym.drive.layout import (
     A_P,
     A_PICKS,
     A_RECORD,
-    A_REFERENCES,
     A_REWARD,
-    A_ROW,
     A_SCALE,
     A_SEEDS,
-    A_SEEN,
+    A_SHOWN,
     A_STATE,
     A_TABLES,
     A_TASK,
@@ -110,35 +110,45 @@ from flexdrive_gym.drive.sensing import (
     delay_readings,
     draw_noise,
     judge,
+    look_up,
     next_normal,
     next_random,
-    refer,
-    sense,
+    sense_and_judge,
     sense_each,
     tell,
+    tick,
 )
 from flexdrive_gym.drive.series import respond
 from flexdrive_gym.drive.step import tabulate
 
 
 @inlined
-def _observe(j: int, n: int, together: bool, block: Any, seen: Any, state: Any, now: Any) -> None:
+def _look_up(j: int, n: int, block: Any, reference: Any) -> None:
+    look_up(
+        n,
+        block[PREVIEWS] + 1,
+        shifted(integers_at(block[A_CLOCK]), j),
+        shifted(integers_at(block[A_BEGIN]), j),
+        floats_at(block[A_LOOKUP]),
+        singles_at(block[A_LOOKUP]),
+        reference,
+        singles_at(block[A_SHOWN]),
+    )
+
+
+@inlined
+def _observe(j: int, n: int, block: Any, seen: Any, state: Any, now: Any) -> None:
     observe(
         n,
         block[SENSING],
         block[PREVIEWS],
-        together,
-        block[SAMPLES],
-        shifted(integers_at(block[A_CLOCK]), j),
-        shifted(integers_at(block[A_ROW]), j),
-        floats_at(block[A_REFERENCES]),
-        integers_at(block[A_AHEAD]),
         floats_at(block[A_SCALE]),
         floats_at(block[A_BOUND]),
         seen,
         state,
         now,
-        singles_at(block[A_SEEN]),
+        singles_at(block[A_SHOWN]),
+        singles_at(block[A_ENTRIES]),
         shifted(singles_at(block[A_OBSERVATION]), j * block[ENTRIES]),
     )
 
@@ -193,16 +203,19 @@ def _integrate(begin: int, n: int, shared: bool, block: Any, q: Any, state: Any,
 @inlined
 def _finish_strip(begin: int, n: int, shared: bool, block: Any, q: Any, state: Any, work: Any, z: Any) -> int:
     """Do what comes after the physics for n drives from ``begin`` on, all in one strip; return how many episodes end."""
-    late, samples, task = block[LATE], block[SAMPLES], floats_at(block[A_TASK])
-    period, references = task[PERIOD], floats_at(block[A_REFERENCES])
+    late, task = block[LATE], floats_at(block[A_TASK])
+    period = task[PERIOD]
     clocks, p = integers_at(block[A_CLOCK]), floats_at(block[A_P])
-    clock, row = shifted(clocks, begin), shifted(integers_at(block[A_ROW]), begin)
-    if z is None:
-        sense(padded(n), period, q, state, work)
-    else:
+    clock = shifted(clocks, begin)
+    reward = shifted(floats_at(block[A_REWARD]), begin)
+    if z is not None:
         sense_each(begin, n, shared, period, clocks, p, z, q, state, work)
-    together = refer(n, task, samples, clock, row, references, work)
-    judge(n, task, q, state, shifted(floats_at(block[A_REWARD]), begin), work)
+    tick(n, task, clock)
+    _look_up(begin, n, block, work)
+    if z is None:
+        sense_and_judge(n, task, q, state, reward, work)
+    else:
+        judge(n, task, q, state, reward, work)
     if block[TELLS] == 1:
         tell(n, task, q, state, shifted(floats_at(block[A_TOLD]), begin // LANES * TOLD_ROWS * ROW), work)
     terminated, truncated = flags_at(block[A_TERMINATED]), flags_at(block[A_TRUNCATED])
@@ -210,7 +223,7 @@ def _finish_strip(begin: int, n: int, shared: bool, block: Any, q: Any, state: A
     if late > 0:
         delay_readings(begin, n, late, clocks, floats_at(block[A_LINE]), state, work)
     seen = shifted(work, SEEN) if late > 0 else shifted(state, READ_1)
-    _observe(begin, n, together, block, seen, state, work)
+    _observe(begin, n, block, seen, state, work)
     return ended
 
 
@@ -291,26 +304,27 @@ def prepare_fleet(address: int, z: Any) -> None:
 
 
 @kernel
-def reset_fleet(address: int, mask: Any, start: Any, z: Any) -> None:
-    """Start a new episode of the masked drives: draw parameters and reference, at ``start``.
+def reset_fleet(address: int, which: Any, start: Any, z: Any) -> None:
+    """Start a new episode of some drives: draw parameters and reference, at ``start``.
 
-    ``mask`` (n,) is bool, ``start`` (4,) is x1, v1, x2, v2; the rest is as in :func:`step_fleet`.
+    ``which`` are their numbers, of which those in the block's range count; ``start`` (4,) is x1, v1, x2, v2; the rest is as
+    in :func:`step_fleet`.
     """
     block = integers_at(address)
-    shared, samples = block[DRAWN] == 0, block[SAMPLES]
-    clock, row, seeds = integers_at(block[A_CLOCK]), integers_at(block[A_ROW]), naturals_at(block[A_SEEDS])
-    references, reward = floats_at(block[A_REFERENCES]), floats_at(block[A_REWARD])
+    shared = block[DRAWN] == 0
+    clock, begin, seeds = integers_at(block[A_CLOCK]), integers_at(block[A_BEGIN]), naturals_at(block[A_SEEDS])
+    reward = floats_at(block[A_REWARD])
     terminated, truncated = flags_at(block[A_TERMINATED]), flags_at(block[A_TRUNCATED])
     extra, line = pointer(z), floats_at(block[A_LINE])
-    for j in range(block[LOW], block[HIGH]):
-        if not mask[j]:
+    for j in which:
+        if not block[LOW] <= j < block[HIGH]:
             continue
         q = shifted(floats_at(block[A_P]), (0 if shared else j) * stride(extra))
         space = shifted(extra, j * WORKSPACE)
         if block[DRAWN] > 0:
             _draw_parameters(j, q, block, seeds)
         if block[REFERENCES] > 1:
-            row[j] = int(next_random(seeds, j) * block[REFERENCES])
+            begin[j] = int(next_random(seeds, j) * block[REFERENCES]) * block[SAMPLES]
         clock[j] = 0
         reward[j], terminated[j], truncated[j] = 0.0, 0, 0
         if not shared:
@@ -329,9 +343,9 @@ def reset_fleet(address: int, mask: Any, start: Any, z: Any) -> None:
         state[COMMAND] = 0.0
         for k in range(TOLD_ROWS):
             told[k * ROW] = 0.0
-        told[REFERENCE] = references[row[j] * samples]
+        _look_up(j, 1, block, told)
         told[ERROR] = told[REFERENCE] - (start[2] if q[W2] > 0.0 else start[0])
-        _observe(j, 1, True, block, shifted(state, READ_1), state, told)
+        _observe(j, 1, block, shifted(state, READ_1), state, told)
 
 
 @inlined

@@ -75,7 +75,10 @@ def integrate_lanes(
         if m > 0:
             _gather(m, shared, q, picks, state, work)
             for _attempt in range(MAX_EVENTS):
-                _pieces(padded(m), h, work)
+                if short:
+                    _pieces(padded(m), h, True, work)
+                else:
+                    _pieces(padded(m), h, False, work)
                 for e in range(m):
                     if work[E_UNSURE + e] > 0.0:
                         _uncertain_piece(e, h, parts, work)
@@ -128,17 +131,17 @@ def _gather(m: int, shared: bool, q: Any, picks: Any, state: Any, work: Any) -> 
 
 
 @inlined
-def _pieces(m: int, h: float, work: Any) -> None:
+def _pieces(m: int, h: float, short: bool, work: Any) -> None:
     """Advance m drives to their next event or the end of the leap; mark those where that is uncertain."""
     for e in range(m):
         x1, v1, x2, v2 = work[E_X1 + e], work[E_V1 + e], work[E_X2 + e], work[E_V2 + e]
         u, share, free_1, free_2 = work[E_U + e], work[E_LEFT + e], work[E_FREE_1 + e], work[E_FREE_2 + e]
         w1, w2, c1, c2, s1, s2, f1, f2 = series(
-            x1, v1, x2, v2, free_1, free_2, u, h, share, gathered_of(work, e), False
+            x1, v1, x2, v2, free_1, free_2, u, h, share, gathered_of(work, e), short
         )
         y1, y2 = path(x1, w1, h * share), path(x2, w2, h * share)
-        t1, t2, side_1, side_2, sure = next_event(c1, c2, s1, s2, f1, f2)
-        z1, g1, z2, g2, left, new_1, new_2 = arrive(y1, c1, y2, c2, s1, s2, t1, t2, side_1, side_2)
+        t1, t2, side_1, side_2, sure = next_event(c1, c2, s1, s2, f1, f2, short)
+        z1, g1, z2, g2, left, new_1, new_2 = arrive(y1, c1, y2, c2, s1, s2, t1, t2, side_1, side_2, short)
         work[E_X1 + e] = z1 if sure else x1
         work[E_V1 + e] = g1 if sure else v1
         work[E_X2 + e] = z2 if sure else x2
@@ -158,7 +161,7 @@ def _uncertain_piece(e: int, h: float, parts: int, work: Any) -> None:
     y1, y2 = path(x1, w1, h * share), path(x2, w2, h * share)
     t1, side_1 = search(c[0], c[1], c[2], c[3], c[4], c[5], c[6], s1, f1, parts)
     t2, side_2 = search(d[0], d[1], d[2], d[3], d[4], d[5], d[6], s2, f2, parts)
-    z1, g1, z2, g2, left, new_1, new_2 = arrive(y1, c, y2, d, s1, s2, t1, t2, side_1, side_2)
+    z1, g1, z2, g2, left, new_1, new_2 = arrive(y1, c, y2, d, s1, s2, t1, t2, side_1, side_2, False)
     work[E_X1 + e], work[E_V1 + e], work[E_X2 + e], work[E_V2 + e] = z1, g1, z2, g2
     work[E_LEFT + e] = left * share
     work[E_FREE_1 + e], work[E_FREE_2 + e] = new_1, new_2

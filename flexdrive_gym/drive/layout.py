@@ -42,15 +42,15 @@ SIZES = 17
 
 # one address each; :class:`~flexdrive_gym.fleet.Fleet` makes and holds the arrays
 ARRAYS = (
-    "actions", "task", "state", "told", "clock", "row", "seeds", "p", "lanes", "tables", "memory", "references",
-    "ahead", "scale", "bound", "work", "picks", "seen", "record", "observation", "reward", "terminated",
+    "actions", "task", "state", "told", "clock", "begin", "seeds", "p", "lanes", "tables", "memory", "lookup",
+    "scale", "bound", "work", "picks", "shown", "entries", "record", "observation", "reward", "terminated",
     "truncated", "nominal", "which", "inverse", "lowest", "highest", "factor", "line",
 )  # fmt: skip
 PLACE = {name: SIZES + i for i, name in enumerate(ARRAYS)}
 BLOCK = SIZES + len(ARRAYS)
 (
-    A_ACTIONS, A_TASK, A_STATE, A_TOLD, A_CLOCK, A_ROW, A_SEEDS, A_P, A_LANES, A_TABLES, A_MEMORY, A_REFERENCES,
-    A_AHEAD, A_SCALE, A_BOUND, A_WORK, A_PICKS, A_SEEN, A_RECORD, A_OBSERVATION, A_REWARD, A_TERMINATED,
+    A_ACTIONS, A_TASK, A_STATE, A_TOLD, A_CLOCK, A_BEGIN, A_SEEDS, A_P, A_LANES, A_TABLES, A_MEMORY, A_LOOKUP,
+    A_SCALE, A_BOUND, A_WORK, A_PICKS, A_SHOWN, A_ENTRIES, A_RECORD, A_OBSERVATION, A_REWARD, A_TERMINATED,
     A_TRUNCATED, A_NOMINAL, A_WHICH, A_INVERSE, A_LOWEST, A_HIGHEST, A_FACTOR, A_LINE,
 ) = range(SIZES, BLOCK)  # fmt: skip
 

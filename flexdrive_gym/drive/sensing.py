@@ -22,6 +22,7 @@ from flexdrive_gym.drive.layout import (
     NOISE_1,
     NOISE_2,
     OPEN,
+    PERIOD,
     RATE,
     READ_1,
     READ_2,
@@ -98,16 +99,6 @@ def _differentiate(i: int, r1: float, r2: float, per_second: float, z: Any, p: A
 
 
 @inlined
-def sense(n: int, period: float, q: Any, state: Any, work: Any) -> None:
-    """Read the encoders of drives with base effects."""
-    per_second = 1.0 / period
-    for i in range(n):
-        p = parameters_of(q, i)
-        r1, r2 = readings(state[X1 + i], state[V1 + i], state[X2 + i], state[V2 + i], 0.0, period, None, p)
-        _differentiate(i, r1 + work[NOISE_1 + i], r2 + work[NOISE_2 + i], per_second, None, p, q, state)
-
-
-@inlined
 def sense_each(
     low: int, n: int, shared: bool, period: float, clock: Any, p: Any, z: Any, q: Any, state: Any, work: Any
 ) -> None:
@@ -133,26 +124,32 @@ def delay_readings(low: int, n: int, late: int, clock: Any, line: Any, state: An
 
 
 @inlined
-def refer(n: int, task: Any, samples: int, clock: Any, row: Any, references: Any, work: Any) -> bool:
-    """Advance the clocks and look the reference up; return whether all drives are at the same place of it.
-
-    Clocks stop one period after the time limit, where the reference ends.
-    """
+def tick(n: int, task: Any, clock: Any) -> None:
+    """Advance the clocks; they stop one period after the time limit, where the reference ends."""
     last = int(task[HORIZON]) + 1
-    different = 0
     for i in range(n):
-        now = min(clock[i] + 1, last)
-        clock[i] = now
-    for i in range(n):
-        different += 1 if (clock[i] != clock[0]) | (row[i] != row[0]) else 0
-    if different == 0:
-        here = references[row[0] * samples + clock[0]]
+        clock[i] = min(clock[i] + 1, last)
+
+
+@inlined
+def look_up(n: int, width: int, clock: Any, begin: Any, exact: Any, rounded: Any, reference: Any, shown: Any) -> None:
+    """Look reference and preview up: copy a row of the table per drive.
+
+    ``exact`` and ``rounded`` point to the table, whose rows are a double and ``width`` singles. The singles go to ``shown``
+    drive by drive, in one piece: the processor finishes one store to another place per cycle.
+    """
+    if width == 4:
         for i in range(n):
-            work[REFERENCE + i] = here
+            at = 3 * (begin[i] + clock[i])
+            reference[i] = exact[at]
+            here, there = shifted(rounded, 2 * at + 2), shifted(shown, 4 * i)
+            there[0], there[1], there[2], there[3] = here[0], here[1], here[2], here[3]
     else:
         for i in range(n):
-            work[REFERENCE + i] = references[row[i] * samples + clock[i]]
-    return different == 0
+            at = (1 + (width + 1) // 2) * (begin[i] + clock[i])
+            reference[i] = exact[at]
+            for k in range(width):
+                shown[width * i + k] = rounded[2 * at + 2 + k]
 
 
 @inlined
@@ -186,13 +183,30 @@ def _judged(i: int, scales: Any, q: Any, state: Any, work: Any) -> tuple[float, 
 
 
 @inlined
+def _judge(i: int, scales: Any, q: Any, state: Any, reward: Any, work: Any) -> None:
+    _error, tracking, effort, failure, beyond = _judged(i, scales, q, state, work)
+    reward[i] = tracking + effort + work[RATE + i] + failure
+    work[OPEN + i] = beyond
+
+
+@inlined
 def judge(n: int, task: Any, q: Any, state: Any, reward: Any, work: Any) -> None:
     """Sum the reward up."""
     scales = _scales(task)
     for i in range(n):
-        _error, tracking, effort, failure, beyond = _judged(i, scales, q, state, work)
-        reward[i] = tracking + effort + work[RATE + i] + failure
-        work[OPEN + i] = beyond
+        _judge(i, scales, q, state, reward, work)
+
+
+@inlined
+def sense_and_judge(n: int, task: Any, q: Any, state: Any, reward: Any, work: Any) -> None:
+    """Read the encoders of drives with base effects, and do what :func:`judge` does: divisions take their time meanwhile."""
+    scales, period = _scales(task), task[PERIOD]
+    per_second = 1.0 / period
+    for i in range(n):
+        p = parameters_of(q, i)
+        r1, r2 = readings(state[X1 + i], state[V1 + i], state[X2 + i], state[V2 + i], 0.0, period, None, p)
+        _differentiate(i, r1 + work[NOISE_1 + i], r2 + work[NOISE_2 + i], per_second, None, p, q, state)
+        _judge(i, scales, q, state, reward, work)
 
 
 @inlined
@@ -215,7 +229,7 @@ def conclude(n: int, horizon: float, clock: Any, terminated: Any, truncated: Any
     ended = 0
     for i in range(n):
         lost, over = work[OPEN + i] > 0.0, clock[i] >= horizon
-        terminated[i] = 1 if lost else 0
-        truncated[i] = 1 if over & (not lost) else 0
-        ended += 1 if lost | over else 0
+        terminated[i] = lost
+        truncated[i] = over & (not lost)
+        ended += lost | over
     return ended

@@ -65,11 +65,11 @@ def respond(h: float, p: Any, out: Any, stride: int) -> None:
 
 
 @inlined
-def _direction(v: float, released: float, force: float, hold: float) -> float:
-    """Return in which direction a cart slides from now on, 0 if it sticks."""
+def _mode(v: float, released: float, force: float, hold: float) -> Any:
+    """Return whether a cart slides from now on, in which direction (0 if it sticks), and what friction leaves of the force."""
     towards = v if v != 0.0 else (released if released != 0.0 else force)
     loose = (v != 0.0) | (released != 0.0) | (abs(force) > hold)
-    return copysign(1.0, towards) if loose else 0.0
+    return loose, (copysign(1.0, towards) if loose else 0.0), (force - copysign(hold, towards) if loose else 0.0)
 
 
 @inlined
@@ -97,11 +97,10 @@ def series(
     c11, c12, k1, cu, level1 = c11 * share, c12 * share, k1 * share, cu * share, level1 * share
     c21, c22, k2, level2 = c21 * share, c22 * share, k2 * share, level2 * share
     x, r = x1 - x2, v1 - v2
-    f0 = fused(c11, v1, fused(c12, v2, fused(cu, u, k1 * x)))
-    g0 = fused(c22, v2, fused(c21, v1, k2 * x))
-    s1, s2 = _direction(v1, released_1, f0, level1), _direction(v2, released_2, g0, level2)
-    m1, m2 = s1 != 0.0, s2 != 0.0
-    b1, d1 = (fused(-s1, level1, f0) if m1 else 0.0), (fused(-s2, level2, g0) if m2 else 0.0)
+    f0 = fused(c11, v1, c12 * v2) + fused(cu, u, k1 * x)
+    g0 = fused(c22, v2, c21 * v1) + k2 * x
+    m1, s1, b1 = _mode(v1, released_1, f0, level1)
+    m2, s2, d1 = _mode(v2, released_2, g0, level2)
     # the deflection's derivatives are those of its rate r
     k1, k2 = k1 * (h * share), k2 * (h * share)
     f1, g1 = fused(c11, b1, fused(c12, d1, k1 * r)), fused(c22, d1, fused(c21, b1, k2 * r))
@@ -175,13 +174,14 @@ def total(c: Any) -> Any:
 
 
 @inlined
-def _value(c: Any, t: float) -> Any:
-    return fused(t, fused(t, fused(t, fused(t, fused(t, fused(t, c[6], c[5]), c[4]), c[3]), c[2]), c[1]), c[0])
+def _value(c: Any, t: float, short: bool) -> Any:
+    high = c[4] if short else fused(t, fused(t, c[6], c[5]), c[4])
+    return fused(t, fused(t, fused(t, fused(t, high, c[3]), c[2]), c[1]), c[0])
 
 
 @inlined
-def _slope(c: Any, t: float) -> Any:
-    high = fused(t, fused(t, 6.0 * c[6], 5.0 * c[5]), 4.0 * c[4])
+def _slope(c: Any, t: float, short: bool) -> Any:
+    high = 4.0 * c[4] if short else fused(t, fused(t, 6.0 * c[6], 5.0 * c[5]), 4.0 * c[4])
     return fused(t, fused(t, fused(t, high, 3.0 * c[3]), 2.0 * c[2]), c[1])
 
 
@@ -207,7 +207,7 @@ def lasts_surely(c: Any, s: float, level: float) -> Any:
     last exceeds abs(c[2]), none is.
     """
     last = (c[0] + c[1]) + c[2]
-    rest = abs(c[2]) + (abs(c[3]) + abs(c[4]) + abs(c[5]) + abs(c[6]))
+    rest = abs(c[2]) + abs(c[3]) + abs(c[4]) + abs(c[5]) + abs(c[6])
     return (s * last if s != 0.0 else level - abs(last)) >= rest
 
 
@@ -236,7 +236,7 @@ def _guess(q: Any) -> Any:
 
 
 @inlined
-def next_event(c1: Any, c2: Any, s1: float, s2: float, level1: float, level2: float) -> Any:
+def next_event(c1: Any, c2: Any, s1: float, s2: float, level1: float, level2: float, short: bool) -> Any:
     """Return when the first cart's mode ends, which cart's, to which sides carts tear loose, and whether that is certain.
 
     The instants are :data:`_NEVER` for carts that keep their mode, or do so for longer than the other.
@@ -260,9 +260,9 @@ def next_event(c1: Any, c2: Any, s1: float, s2: float, level1: float, level2: fl
         q1[6] if first else q2[6],
     )
     t = t1 if first else t2
-    t -= _value(q, t) / _slope(q, t)
-    t -= _value(q, t) / _slope(q, t)
-    found = (abs(_value(q, t)) <= 1e-13 * (abs(q[0]) + abs(q[1]) + abs(q[2]))) & (t > 0.0) & (t <= 1.0)
+    t -= _value(q, t, short) / _slope(q, t, short)
+    t -= _value(q, t, short) / _slope(q, t, short)
+    found = (abs(_value(q, t, short)) <= 1e-13 * (abs(q[0]) + abs(q[1]) + abs(q[2]))) & (t > 0.0) & (t <= 1.0)
     # both at about the same time: whichever is first is not for a guess to say
     apart = abs(t1 - t2) > 1e-2
     none = quiet_1 & quiet_2
@@ -279,11 +279,11 @@ def search(
     before = 0.0
     for i in range(1, parts + 1):
         after = i / parts
-        now = _value(c, after)
+        now = _value(c, after, False)
         side = 1.0 if now > 0.0 else -1.0
         f = s if s != 0.0 else -side
         q = (f * c0 + (0.0 if s != 0.0 else level), f * c1, f * c2, f * c3, f * c4, f * c5, f * c6)
-        if _value(q, after) < 0.0:
+        if _value(q, after, False) < 0.0:
             return _bracketed(q, before, after), side
         before = after
     return _NEVER, 0.0
@@ -292,11 +292,11 @@ def search(
 @inlined
 def _bracketed(q: Any, low: float, high: float) -> Any:
     """Return a root between a slack that is not negative and one that is: Newton's method, kept inside by bisection."""
-    if _value(q, low) <= 0.0:
+    if _value(q, low, False) <= 0.0:
         return low
     t = 0.5 * (low + high)
     for _ in range(60):
-        value, slope = _value(q, t), _slope(q, t)
+        value, slope = _value(q, t, False), _slope(q, t, False)
         if value < 0.0:
             high = t
         else:
@@ -312,7 +312,17 @@ def _bracketed(q: Any, low: float, high: float) -> Any:
 
 @inlined
 def arrive(
-    x1: Any, c1: Any, x2: Any, c2: Any, s1: float, s2: float, t1: float, t2: float, side_1: float, side_2: float
+    x1: Any,
+    c1: Any,
+    x2: Any,
+    c2: Any,
+    s1: float,
+    s2: float,
+    t1: float,
+    t2: float,
+    side_1: float,
+    side_2: float,
+    short: bool,
 ) -> tuple[float, float, float, float, float, float, float]:
     """Follow the series to the first event or the end: x1, v1, x2, v2, the share of time left, who was released where.
 
@@ -321,10 +331,10 @@ def arrive(
     t = min(t1, t2, 1.0)
     now_1, now_2 = t1 <= t, t2 <= t
     return (
-        _value(x1, t),
-        0.0 if now_1 | (s1 == 0.0) else _value(c1, t),
-        _value(x2, t),
-        0.0 if now_2 | (s2 == 0.0) else _value(c2, t),
+        _value(x1, t, short),
+        0.0 if now_1 | (s1 == 0.0) else _value(c1, t, short),
+        _value(x2, t, short),
+        0.0 if now_2 | (s2 == 0.0) else _value(c2, t, short),
         1.0 - t,
         side_1 if now_1 & (s1 == 0.0) else 0.0,
         side_2 if now_2 & (s2 == 0.0) else 0.0,

@@ -138,6 +138,31 @@ def test_same_step_reset_keeps_the_last_observation():
     assert np.all(observation[:, 0] == 0.0)  # already the next episode's
 
 
+@pytest.mark.parametrize("name", ["Collocated", "NonCollocated", "FullState"])
+@pytest.mark.parametrize("preview", [(), (0.1,), (0.02, 0.05, 0.1)])
+@pytest.mark.parametrize("normalise", [False, True])
+def test_every_drive_sees_its_own_place_of_the_reference(name, preview, normalise):
+    env = gymnasium.make_vec(
+        f"FlexDrive-{name}-v0", num_envs=150, vectorization_mode="vector_entry_point", autoreset_mode="disabled",
+        reference="sine", preview=preview, normalise=normalise, duration=1.0,
+    )  # fmt: skip
+    env.reset(seed=0)
+    places = np.zeros(150, dtype=int)
+    for k in range(20):
+        observation = env.step(np.zeros((150, 1), np.float32))[0]
+        places += 1
+        mask = np.arange(150) % 7 == k % 7
+        if k < 19:
+            env.reset(options={"reset_mask": mask})
+            places[mask] = 0
+    reference, bounds = env.task.references[0], np.array([bound for _name, _unit, bound in env.task.names()])
+    ahead = [round(a / env.task.control_period) for a in preview]
+    entries = [-2 - len(ahead), *range(-len(ahead), 0)]
+    expected = np.array([reference[places + a] for a in (0, *ahead)]).T / (bounds[entries] if normalise else 1.0)
+    assert len(set(places)) > 5
+    assert observation[:, entries] == pytest.approx(expected, rel=1e-6, abs=1e-7)
+
+
 def test_masked_reset_leaves_the_others_alone():
     env = batched(4, autoreset_mode="disabled")
     env.reset(seed=0)
@@ -229,7 +254,7 @@ def test_threads_change_nothing(arguments):
 
 def test_memory_per_environment_is_small():
     env = batched(1000, **RANDOM)
-    used = sum(a.nbytes for name, a in env.fleet.arrays.items() if name not in {"references", "work"})
+    used = sum(a.nbytes for name, a in env.fleet.arrays.items() if name not in {"lookup", "work"})
     assert used / 1000 <= 1024
 
 
