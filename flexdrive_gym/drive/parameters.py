@@ -69,9 +69,12 @@ for _slot in LAYOUT.values():
     _NULL[_slot.index] = _slot.parameter.null
 
 
+_INDEX = {"m1": 0, "m2": 1} | {_name: _slot.index for _name, _slot in LAYOUT.items()}
+
+
 def index(name: str) -> int:
     """Return the place of a parameter in the vector; masses are stored there as their inverse."""
-    return {"m1": 0, "m2": 1}.get(name, LAYOUT[name].index if name in LAYOUT else -1)
+    return _INDEX.get(name, -1)
 
 
 def vector(values: Mapping[str, float]) -> FloatArray:
@@ -95,17 +98,22 @@ def workspace(values: Mapping[str, float]) -> FloatArray | None:
     return None
 
 
+# keys of every effect that may need a shorter step, at every place
+_FAST = [
+    (tuple(item.key(where, q.name) for q in item.parameters), item)
+    for item in EFFECTS
+    if item.fastest_rate is not None
+    for where in item.where
+]
+
+
 def substeps(values: Mapping[str, float], sample_time: float, physics_step: float) -> int:
     """Return how many physics steps a sample takes: no longer than asked, short enough for the fastest effect."""
     rate = 0.0
-    for item in EFFECTS:
-        if item.fastest_rate is None:
-            continue
-        for where in item.where:
-            keys = [item.key(where, q.name) for q in item.parameters]
-            if any(key in values and LAYOUT[key].switches for key in keys):
-                numbers = tuple(values.get(k, q.null) for k, q in zip(keys, item.parameters, strict=True))
-                rate = max(rate, item.fastest_rate(numbers))
+    for keys, item in _FAST:
+        if item.fastest_rate is not None and any(key in values and LAYOUT[key].switches for key in keys):
+            numbers = tuple(values.get(k, q.null) for k, q in zip(keys, item.parameters, strict=True))
+            rate = max(rate, item.fastest_rate(numbers))
     h = min(physics_step, _STABLE / rate) if rate > 0.0 else physics_step
     return max(1, ceil(sample_time / h - 1e-9))
 

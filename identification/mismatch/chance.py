@@ -43,6 +43,7 @@ _WANDER_S, _BAND_HZ = 2.0, 50.0
 # a cart is put back about where it was, or runs on along the track
 _START_MM = (25.0, 150.0)
 _TRACK_MM = np.linspace(-250.0, 250.0, 501)
+_REACH_MM = 400.0
 # candidates that a thread looks at together
 _PART = 32
 # slow friction is drawn once in so many samples
@@ -186,8 +187,15 @@ class _Profile:
     def __init__(self, rng: np.random.Generator, length: float, waves: int = 40) -> None:
         self.k = rng.standard_normal(waves) / length
         self.phase = rng.uniform(0.0, 2.0 * np.pi, waves)
+        self.grid: FloatArray = np.zeros(0)
+        self.values: FloatArray = np.zeros(0)
 
     def __call__(self, x: FloatArray) -> FloatArray:
-        grid = np.linspace(float(x.min()) - 1.0, float(x.max()) + 1.0, 400)
-        values = np.sqrt(2.0 / len(self.k)) * np.cos(self.k[:, None] * grid + self.phase[:, None]).sum(axis=0)
-        return np.asarray(np.interp(x, grid, values))
+        low, high = float(x.min()), float(x.max())
+        if not len(self.grid) or low < self.grid[0] or high > self.grid[-1]:
+            # drawn where runs have been so far, and some way beyond
+            reach = max(_REACH_MM, 1.2 * abs(low), 1.2 * abs(high))
+            self.grid = np.linspace(-reach, reach, round(4.0 * reach) + 1)
+            waves = np.cos(self.k[:, None] * self.grid + self.phase[:, None])
+            self.values = np.sqrt(2.0 / len(self.k)) * waves.sum(axis=0)
+        return np.asarray(np.interp(x, self.grid, self.values))

@@ -92,8 +92,10 @@ def orthonormal(columns: FloatArray) -> FloatArray:
     use = scale > 0.0
     if not use.any():
         return np.zeros((len(columns), 0))
-    U, s, _ = np.linalg.svd(columns[:, use] / scale[use], full_matrices=False)
-    return np.asarray(U[:, s > 1e-6 * s[0]])
+    # of a tall matrix the small factor has the singular values
+    Q, R = np.linalg.qr(columns[:, use] / scale[use])
+    U, s, _ = np.linalg.svd(R)
+    return np.asarray(Q @ U[:, s > 1e-6 * s[0]])
 
 
 def screen(
