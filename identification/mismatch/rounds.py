@@ -27,8 +27,8 @@ _REFITS = 5
 _SECOND_STARTS = 1
 # of the greatest surprise among plain residuals: what comes this near is refitted, too
 _NEARLY = 0.5
-# waves within the way that make a repetition
-_WAVES = 1.5
+# waves within the longest way that make a repetition: where all runs share their place, and where each began anywhere
+_WAVES, _WAVES_APART = 1.5, 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,15 +197,15 @@ def _prospects(views: Mapping[View, Sequence[Screened]]) -> dict[tuple[str, str]
 
 
 def _repeats(bench: Workbench, rival: Rival) -> bool:
-    """Whether the way holds enough waves of an effect to call it repeating; any smooth force is a piece of a long wave.
-
-    Asked only where all runs share their place: waves of several runs that began anywhere overlap as they please.
-    """
+    """Whether the way holds enough waves of an effect to call it repeating; any smooth force is a piece of a long wave."""
     period = rival.candidate.period
-    if period is None or not bench.parts:
+    if period is None:
         return True
-    track = np.concatenate([run.track for run in bench.runs], axis=1)
-    return _WAVES * rival.fit.values[period] <= float(np.max(np.ptp(track, axis=1)))
+    if bench.parts:
+        track = np.concatenate([run.track for run in bench.runs], axis=1)
+        return _WAVES * rival.fit.values[period] <= float(np.max(np.ptp(track, axis=1)))
+    way = max(float(np.max(np.ptp(run.track, axis=1))) for run in bench.runs)
+    return _WAVES_APART * rival.fit.values[period] <= way
 
 
 def passes(rival: Rival) -> bool:

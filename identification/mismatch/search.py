@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from flexdrive_gym.drive.effects import EFFECTS
 from identification.mismatch.chance import chance
 from identification.mismatch.refit import Fit
 from identification.mismatch.rounds import Progress, Rival, Stage, Starts, passes, stage
@@ -107,8 +108,8 @@ def search(
             break
         bench.offsets = best.offsets
         model = settle(bench, best.fit.values, best.fit.names)
-        ties = tuple(r for r in now.rivals if r is not best and _ties(now, r, best))
-        steps.append(Step(best, ties[:3], best.probability, now.view))
+        ties = [r for r in now.rivals if r is not best and _ties(now, r, best)]
+        steps.append(Step(best, _foremost(ties, best), best.probability, now.view))
         say(f"found: {best.name[0]} at {best.name[1]}")
     if len(stages) > 1:
         say("free shapes")
@@ -147,6 +148,13 @@ def _ties(now: Stage, rival: Rival, best: Rival) -> bool:
     if rival.gain <= 0.5 * best.gain or rival.probability > PLAUSIBLE:
         return False
     return now.behind(rival, best) > TIE_LEVEL or rival.gain > TIE_GAIN * best.gain
+
+
+def _foremost(ties: Sequence[Rival], best: Rival) -> tuple[Rival, ...]:
+    """Return the three ties there is room for: those that are known to look like the finding come first."""
+    own = best.name[0]
+    known = {e.id for e in EFFECTS if own in e.looks_like} | {i for e in EFFECTS if e.id == own for i in e.looks_like}
+    return tuple(sorted(ties, key=lambda r: (r.name[0] not in known, -r.gain))[:3])
 
 
 def along_track(values: Mapping[str, float], where: str) -> float:
