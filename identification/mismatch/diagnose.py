@@ -43,7 +43,7 @@ from identification.quantities import HANDOUT_RATIOS
 from identification.recordings import read_recordings
 from identification.topology import Topology, topology_of
 
-# a free shape must explain this share of the remaining error, and this much more than any name, to be called unnamed
+# a free shape must explain this share of the error, and this much more than all names, to be called unnamed
 _SHAPE_GAIN, _SHAPE_LEAD = 0.045, 1.6
 # and a line in the spectrum this share
 _LINE_SHARE = 0.05
@@ -226,16 +226,17 @@ class _Diagnosing:
     def unnamed(self, found: Search) -> tuple[Shape | None, list[tuple[str, float]], bool]:
         """Return the free shape that no name fits, if there is one; the names nearest to it; whether it overrules all names.
 
-        A shape that goes far beyond everything that was named together says that the names were only the nearest ones.
+        A shape that goes far beyond everything that was named together says that the names were only the nearest ones. One that
+        is left beside names counts by its share of all that was to be explained: what a name's own law lacks is no other physics.
         """
         first, last = found.stages[0], found.last
         named = 1.0 - float(np.prod([1.0 - s.rival.gain for s in found.steps]))
-        rounds = [(found.last_shapes, last, 0.0, False)]
+        rounds = [(found.last_shapes, last, _SHAPE_GAIN / (1.0 - named), False)]
         if found.steps:
-            rounds.insert(0, (found.first_shapes, first, named, True))
-        for shapes, stage, so_far, overrules in rounds:
+            rounds.insert(0, (found.first_shapes, first, max(_SHAPE_GAIN, _SHAPE_LEAD * named), True))
+        for shapes, stage, least, overrules in rounds:
             for shape in shapes:
-                if shape.predicted >= max(_SHAPE_GAIN, _SHAPE_LEAD * so_far) and shape.probability <= LEVEL:
+                if shape.predicted >= least and shape.probability <= LEVEL:
                     return shape, likeness(self.bench, shape, stage.screened), overrules
         return None, [], False
 
