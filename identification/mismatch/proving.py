@@ -135,7 +135,8 @@ class Proving:
             failed = [p for p in proofs if not p.holds]
             if not failed:
                 return proofs, free, everything
-            steps.remove(min(failed, key=lambda p: p.kept).step)
+            # the one without which recordings kept away are predicted best
+            steps.remove(min(failed, key=lambda p: p.before).step)
 
     def proof(self, step: Step, without: Mapping[str, float], everything: Mapping[str, float]) -> Proof:
         """Return what a finding removes: ``without`` is the drive refitted without it, ``everything`` that with all."""

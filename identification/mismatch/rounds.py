@@ -21,7 +21,7 @@ Progress = Callable[[str], None]
 # effect and place to a drive that has it
 Starts = Mapping[tuple[str, str], Mapping[str, float]]
 # a finding must be rarer than this by chance, and explain at least this share of the remaining squared error
-LEVEL, LEAST_GAIN = 0.01, 0.02
+LEVEL, LEAST_GAIN = 0.02, 0.02
 _BATCH = 48
 _REFITS = 5
 _SECOND_STARTS = 1
