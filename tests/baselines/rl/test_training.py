@@ -5,7 +5,7 @@ import re
 import subprocess
 import sys
 import time
-from signal import SIGINT, SIGKILL
+from signal import SIGINT, SIGKILL, default_int_handler, signal
 
 import numpy as np
 import pytest
@@ -93,8 +93,11 @@ def test_a_kill_loses_no_more_than_what_came_after_the_last_checkpoint(tmp_path)
     run.communicate()
     assert read_checkpoint(checkpoint)["steps"] >= 2000
     # and Ctrl-C leaves a later one
+    # what runs in the background of a shell ignores Ctrl-C, and so would its children
+    handler = signal(SIGINT, default_int_handler)
     run = subprocess.Popen([*command, "--resume"], cwd=tmp_path, stderr=subprocess.PIPE, text=True)
-    before = checkpoint.stat().st_mtime_ns
+    signal(SIGINT, handler)
+    before, deadline = checkpoint.stat().st_mtime_ns, time.monotonic() + 120.0
     while checkpoint.stat().st_mtime_ns == before and run.poll() is None and time.monotonic() < deadline:
         time.sleep(0.1)
     run.send_signal(SIGINT)
