@@ -69,6 +69,11 @@ class Dwell:
     end: int
     move: float
 
+    @property
+    def middle(self) -> int:
+        """First sample of the second half, where the arrival is over."""
+        return (self.begin + self.end) // 2
+
 
 def dwells(xr: FloatArray, sample_time: float) -> tuple[Dwell, ...]:
     """Return the rests of a reference that follow a move."""
@@ -131,7 +136,7 @@ def measure(
         after = 0 if not len(late) else int(late[-1]) + 1
         settling = max(settling, inf if after >= len(inside) else after * sample_time)
         overshoot = max(overshoot, 100.0 * float(np.max(-inside * np.sign(rest.move))) / abs(rest.move))
-        half = slice((rest.begin + rest.end) // 2, rest.end)
+        half = slice(rest.middle, rest.end)
         energies.append(_vibration(drive, x1[half], v1[half], x2[half], v2[half]))
     touches = np.abs(u) > 0.999 * limit
     return Measures(

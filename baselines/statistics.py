@@ -29,6 +29,8 @@ from flexdrive_gym.recording import FloatArray
 RESAMPLES = 1000
 # a run that left all bounds counts as this, so that its sums stay numbers
 _FAR = 1e6
+# smaller figures are not told apart [mm, V, V mm]
+_RESOLVED = 0.001
 
 
 @dataclass(frozen=True)
@@ -43,8 +45,8 @@ class Estimate:
         if not np.isfinite(self.value):
             return "–"
         if self.low == self.high:
-            return f"{self.value:.3g}"
-        return f"{self.value:.3g} [{self.low:.3g}, {self.high:.3g}]"
+            return _figure(self.value)
+        return f"{_figure(self.value)} [{_figure(self.low)}, {_figure(self.high)}]"
 
     @property
     def percent(self) -> str:
@@ -52,6 +54,11 @@ class Estimate:
         if not np.isfinite(self.value):
             return "–"
         return f"{self.value:.0%}" if self.low == self.high else f"{self.value:.0%} [{self.low:.0%}, {self.high:.0%}]"
+
+
+def _figure(value: float) -> str:
+    """Return three digits; what no measure of a run resolves is not spelt out."""
+    return f"{value:.3g}" if value == 0.0 or abs(value) >= _RESOLVED else f"<{_RESOLVED:g}"
 
 
 NOTHING = Estimate(float("nan"), float("nan"), float("nan"))

@@ -186,7 +186,7 @@ def _print(result: Comparison, summaries: Sequence[Summary], improvements: Seque
     from baselines.report.compare_page import share_cell  # noqa: PLC0415
 
     table(
-        f"tracking on {result.drive.name}, ±{min(result.limit, result.drive.voltage_limit):g} V",
+        f"tracking on “{result.drive.name}”, ±{min(result.limit, result.drive.voltage_limit):g} V",
         ["controller", "reads", "rms e [mm]", "peak [mm]", "settling [s]", "overshoot [%]", "vibration [V mm]", "rms u [V]",
          "peak u [V]"],
         [

@@ -126,7 +126,7 @@ def _demonstrated(
 ) -> Demonstration:
     run = run_many(controller, [drive], xr)[0]
     of = measure(drive, xr, run[:4], run[4], RIG_TIME_S, limit=drive.voltage_limit)
-    swings = [float(np.ptp(run[2][(d.begin + d.end) // 2 : d.end])) for d in dwells(xr, RIG_TIME_S)]
+    swings = [float(np.ptp(run[2][d.middle : d.end])) for d in dwells(xr, RIG_TIME_S)]
     try:
         margins = empirical_margins(drive, controller, on="full")
     except ValueError:  # it fails as it is

@@ -35,7 +35,7 @@ def build_compare_page(comparison: Comparison) -> str:
         f"drawn from the identified covariance (seed {comparison.seed}), {effects} left-out effects; one rig at 1 kHz"
     )
     return render(
-        title=f"Controllers on {comparison.drive.name}",
+        title=f"Controllers on “{comparison.drive.name}”",
         subtitle=subtitle,
         summary=headline(comparison),
         sections=sections,
@@ -77,7 +77,8 @@ def _tracking(comparison: Comparison) -> Section:
         run = run_many(r.entry.controller, [comparison.drive], xr)[0]
         runs[r.entry.name] = (xr - run[2 if comparison.drive.carts == 2 else 0], run[4])
     section.figure(
-        plots.plot_errors(shown, comparison.tolerance, runs, t), "Tracking error; the band is the tolerance."
+        plots.plot_errors(shown, comparison.tolerance, runs, t),
+        "Tracking error, all on one scale that cuts off the largest; the band is the tolerance.",
     )
     return section
 

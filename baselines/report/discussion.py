@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from baselines.metrics import dwells
 from baselines.stability_limit import StabilityLimit, grows
 from flexdrive_gym import Drive, Recording
 from flexdrive_gym.drive.default import HANDOUT_LIMIT_V
@@ -57,13 +58,11 @@ def measure_p_control(run: Recording) -> PControlMeasures:
     if run.xr is None or run.x2 is None:
         raise ValueError(f"{run.name}: needs xr and x2; record both (2.1).")
     e = run.xr - run.x2
-    still = np.concatenate([[False], np.abs(np.diff(run.xr)) < 1e-9])
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(int), [0]])))
-    dwells = [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if (b - a) * run.sample_time > 0.15]
+    rests = dwells(run.xr, run.sample_time)
     tail = round(0.1 / run.sample_time)
-    at_end = [float(np.mean(np.abs(e[max(a, b - tail) : b]))) for a, b in dwells]
+    at_end = [float(np.mean(np.abs(e[max(d.begin, d.end - tail) : d.end]))) for d in rests]
     # the first part of a dwell still belongs to the arrival
-    swing = [float(np.ptp(run.x2[(a + b) // 2 : b])) for a, b in dwells]
+    swing = [float(np.ptp(run.x2[d.middle : d.end])) for d in rests]
     limit = run.excitation.limit or HANDOUT_LIMIT_V
     return PControlMeasures(
         run.name,

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from baselines.compare import Behaviour, Comparison, Summary
 from baselines.describing_function import analytic_response
@@ -136,6 +137,7 @@ def plot_intervals(comparison: Comparison, summaries: Sequence[Summary]) -> Figu
         axes.set_xlabel("rms $x_r - x_2$ [mm], interquartile mean")
         axes.set_title(title, loc="left", fontsize=8.5)
         axes.xaxis.set_major_formatter("{x:g}")
-        axes.xaxis.set_minor_formatter("{x:g}")
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.xaxis.set_minor_formatter(NullFormatter())
         axes.tick_params(axis="x", which="both", labelsize=7)
     return figure

@@ -15,8 +15,10 @@ if TYPE_CHECKING:
 
 # a cell that lines up with numbers: a number, an interval, a percentage, a dash, or nothing
 _NUMBER = re.compile(
-    r"^(?:[-+−–]?[\d.]+(?:e[-+]?\d+)?\s*%?(?:\s*(?:±|…)\s*[-−\d.e+]+)?|–|none below 10|assumed|below resolution)?$"
+    r"^(?:[-+−–<]?[\d.]+(?:e[-+]?\d+)?\s*%?(?:\s*(?:±|…)\s*[-−\d.e+]+|\s*\[[^\[\]]*\])?"
+    r"|–|none below 10|assumed|below resolution)?$"
 )
+_INTERVAL = re.compile(r"\[[^\[\]]*\]")
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,8 @@ class Section:
 
     def table(self, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
         """Add a table."""
-        cells = tuple(tuple(r) for r in rows)
+        # an interval stays on one line
+        cells = tuple(tuple(_INTERVAL.sub(lambda m: m[0].replace(" ", "\u00a0"), cell) for cell in row) for row in rows)
         numeric = tuple(all(_NUMBER.match(row[i]) for row in cells) for i in range(len(columns)))
         self.blocks.append(Block("table", columns=tuple(columns), rows=cells, numeric=numeric))
 

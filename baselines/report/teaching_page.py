@@ -25,7 +25,7 @@ def build_teaching_page(comparison: Comparison) -> str:
     found = lesson(comparison)
     return render(
         title="What does the gain do in non-collocated control? What does collocated control buy and cost?",
-        subtitle=f"The questions of Lab 3, answered on {found.drive.name}: every figure below comes from runs on this drive, "
+        subtitle=f"The questions of Lab 3, answered on “{found.drive.name}”: every figure below comes from runs on this drive, "
         "with its friction, encoder counts and command limit, along the handout's trajectory.",
         summary=_short(found),
         sections=[_answers(found), _table(found), _pictures(found), _responses(found), _beyond(found)],
