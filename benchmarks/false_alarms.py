@@ -24,6 +24,7 @@ from baselines.shares import share
 from baselines.trial.study import engine
 from flexdrive_gym import Drive, Recording
 from flexdrive_gym.files import write_atomically
+from flexdrive_gym.recording import FloatArray
 from identification import diagnose, identify, read_recordings
 from identification.mismatch.chance import nuisance
 from identification.mismatch.workbench import Workbench
@@ -88,15 +89,22 @@ def null_day(values: dict[str, float], seed: int) -> list[Recording]:
     runs = [prepare(r) for r in quiet]
     with ThreadPoolExecutor(1) as pool:
         bench = Workbench(runs, pool)
-        pushes = nuisance(bench, values, [run.measured for run in runs], seed)
-    plain = [np.array(simulate_run(values, run)) for run in runs]
-    moved = [np.array(simulate_run(values, run, pushes=push)) for run, push in zip(runs, pushes, strict=True)]
+        disturbances = nuisance(bench, values, [run.measured for run in runs], seed)
+
+    def disturbed(scale: float) -> list[FloatArray]:
+        """Velocities of every run with the nuisance at a scale, ndarray, shape (2, n)."""
+        found = []
+        for run, d in zip(runs, disturbances, strict=True):
+            changed = {k: max(values[k] + scale * (v - values[k]), 0.0) for k, v in d.changes.items() if k in values}
+            found.append(np.array(simulate_run({**values, **changed}, run, pushes=scale * d.force)))
+        return found
+
+    plain, moved = disturbed(0.0), disturbed(1.0)
     # the mixture is drawn, its size is the rig's: what remains between runs of the same command
     size = float(np.sqrt(np.mean([np.mean((m - p) ** 2) for m, p in zip(moved, plain, strict=True)])))
     scale = FLOOR_MM_S["mte360_2022"] / max(size, 1e-9)
     day = []
-    for r, run, push in zip(quiet, runs, pushes, strict=True):
-        v = simulate_run(values, run, pushes=scale * push)
+    for r, v in zip(quiet, disturbed(scale), strict=True):
         # counts of the encoder, differentiated as the rig does it
         x = [np.round(np.cumsum(s) * 1e-3 / QUANTUM) * QUANTUM for s in v]
         raw = [np.diff(c, prepend=0.0) / 1e-3 for c in x]

@@ -48,6 +48,8 @@ class Run:
     floor
         Per cart, variance of block sums that no model can explain [(mm/s)²]: what differs between the periods of the
         run, or the encoder's noise where nothing repeats.
+    counts
+        Encoder quantum per cart [mm]; empty where none is known.
     positions
         Whether positions are compared instead of velocities.
     fine
@@ -64,6 +66,7 @@ class Run:
     cutoff: float | None
     floor: list[float]
     track: FloatArray
+    counts: tuple[float, ...] = ()
     positions: bool = False
     fine: FloatArray | None = None
 
@@ -118,7 +121,8 @@ def prepare(recording: Recording) -> Run:
         floor.append(max(counts, repeated if np.isfinite(repeated) else 0.0))
     fine = _between(u, max(1, round(h / PHYSICS_S))) if recording.hold == "band_limited" else None
     track = _track(recording, v, keep)
-    return Run(recording.name, u, h, v, keep, start, recording.velocity_cutoff, floor, track, fine=fine)
+    quanta: tuple[float, ...] = recording.quantum[: len(v)]
+    return Run(recording.name, u, h, v, keep, start, recording.velocity_cutoff, floor, track, quanta, fine=fine)
 
 
 def _speed(x: FloatArray, h: float) -> float:

@@ -30,22 +30,28 @@ from flexdrive_gym.recording import FloatArray
 from identification.mismatch.refit import Fit
 from identification.mismatch.screening import Screened, explained, orthonormal
 from identification.mismatch.surroundings import against, dry_level, speeds
-from identification.mismatch.workbench import View, Workbench
+from identification.mismatch.workbench import Disturbance, View, Workbench
 
 DRAWS = 119
+# a candidate that chance hardly feeds must still explain something
+_USUAL = 1e-3
 # spreads relative to the Coulomb level, correlation length of the track [mm], noise [V]: lowest and highest
-_ABOUT, _WITHIN, _ROUGH = (0.7, 1.4), (0.01, 0.06), (0.005, 0.06)
-_LENGTH_MM, _NOISE_V = (3.0, 60.0), (0.01, 0.05)
+_ABOUT, _WITHIN, _ROUGH = (0.7, 1.4), (0.02, 0.09), (0.02, 0.14)
+_LENGTH_MM, _NOISE_V = (3.0, 60.0), (0.015, 0.08)
 _SLOPE_MM = (20.0, 200.0)
 # short hills of the track [V]: long ones are slopes
-_HILLS_V, _HILLS_MM = (0.003, 0.015), (3.0, 10.0)
+_HILLS_V, _HILLS_MM = (0.005, 0.03), (3.0, 10.0)
 _WANDER_S, _BAND_HZ = 2.0, 50.0
 # a cart is put back about where it was, or runs on along the track
 _START_MM = (25.0, 150.0)
 _TRACK_MM = np.linspace(-250.0, 250.0, 501)
 _REACH_MM = 400.0
+# points of a profile, and time between joints of what is smooth
+_PER_MM, _SMOOTH_S = 1.0, 0.003
 # candidates that a thread looks at together
 _PART = 32
+# of a run's dry friction, relative
+_LEAST_FRICTION = 0.2
 # slow friction is drawn once in so many samples
 _COARSE = 50
 
@@ -61,7 +67,7 @@ class Chance:
     gains : ndarray, shape (draws, names, views)
         Shares of the null's error explained.
     usual : ndarray, shape (names, views)
-        What it reaches in one draw of thirty.
+        What it reaches in the luckiest tenth of draws, on average.
     """
 
     names: tuple[tuple[str, str], ...]
@@ -81,6 +87,12 @@ class Chance:
         return tuple(map(float, _odds(np.array(gains)) / _odds(self.usual[self.names.index(name)])))
 
 
+def _usual(gains: FloatArray) -> FloatArray:
+    """Return the share whose odds are the mean of the highest tenth of draws: the odds of one draw alone are too uncertain."""
+    most = np.sort(_odds(gains), axis=0)[-max(len(gains) // 10, 1) :].mean(axis=0)
+    return np.asarray(most / (1.0 + most))
+
+
 def _odds(gain: Any) -> Any:
     return gain / (1.0 - np.minimum(gain, 0.999))
 
@@ -90,10 +102,21 @@ def null_residuals(
 ) -> FloatArray:
     """Return raw residuals of the present model under random nuisance, shape (N, draws)."""
     motion = list(zip(*(speeds(bench, c) for c in range(len(bench.runs[0].keep))), strict=True))
-    forces = [
-        partial(nuisance, bench, values, motion, seed) for seed in (int(s) for s in rng.integers(0, 2**63, draws))
-    ]
-    return bench.pushed(values, forces, 1.0)
+    days = [partial(nuisance, bench, values, motion, seed) for seed in (int(s) for s in rng.integers(0, 2**63, draws))]
+    return bench.disturbed(values, days) + _counts(bench, rng, draws)
+
+
+def _counts(bench: Workbench, rng: np.random.Generator, draws: int) -> FloatArray:
+    """Return what encoder counts do to block means, shape (N, draws): a mean velocity is a difference of two positions."""
+    noise = np.zeros((len(bench.weights), draws))
+    for r, run in enumerate(bench.runs):
+        if run.cutoff:  # a filter has taken them out
+            continue
+        for c, count in enumerate(run.counts):
+            piece = bench.piece(r, c)
+            rounding = count * rng.uniform(-0.5, 0.5, (piece.stop - piece.start + 1, draws))
+            noise[piece] = rounding[1:] if run.positions else np.diff(rounding, axis=0) / (run.block * run.sample_time)
+    return noise
 
 
 def chance(bench: Workbench, screened: Mapping[View, Sequence[Screened]], null: FloatArray, model: Fit) -> Chance:
@@ -126,14 +149,13 @@ def chance(bench: Workbench, screened: Mapping[View, Sequence[Screened]], null: 
             [np.max([g for g, s in zip(shares, entries, strict=True) if s.candidate.name == n], axis=0) for n in names]
         )
     gains = np.moveaxis(np.array(views), 2, 0).swapaxes(1, 2)
-    # a candidate that chance hardly feeds must still explain something
-    return Chance(names, gains, np.maximum(np.quantile(gains, 0.97, axis=0), 4e-3))
+    return Chance(names, gains, np.maximum(_usual(gains), _USUAL))
 
 
 def nuisance(
     bench: Workbench, values: Mapping[str, float], motion: Sequence[Sequence[FloatArray]], seed: int
-) -> list[FloatArray]:
-    """Return one draw of nuisance forces, for every recording ndarray, shape (2, n) [V]; ``motion`` are smoothed velocities."""
+) -> list[Disturbance]:
+    """Return one draw of a day's nuisance, for every recording; ``motion`` are smoothed velocities."""
     rng = np.random.default_rng(seed)
     # what differs from run to run was estimated from these very recordings; the rest varies over what rigs show
     between = bench.spread.get("friction", 0.05) * _log_uniform(rng, *_ABOUT)
@@ -146,7 +168,7 @@ def nuisance(
     # half of it: friction along the track makes constant forces too
     slope = 0.5 * bench.spread.get("offset", 0.005) * _log_uniform(rng, *_ABOUT)
     slopes = [_Profile(rng, _log_uniform(rng, *_SLOPE_MM)) for _ in range(carts)]
-    pushes = []
+    days = []
     apart = _log_uniform(rng, *_START_MM)
     start = apart * rng.standard_normal()
     # what all parts of one recording share is no difference between them: a friction or a slope that chance could make there
@@ -158,23 +180,32 @@ def nuisance(
     ]
     for run, speed in zip(bench.runs, motion, strict=True):
         n, h = len(run.u), run.sample_time
-        force = np.zeros((2, n))
+        force, dry = np.zeros((2, n)), {}
         if not bench.parts:
             start = apart * rng.standard_normal()
+        # all but the sign of a velocity is smooth: it is made at joints and straight between them
+        step = max(1, round(_SMOOTH_S / h))
+        joints = np.arange(0, n + step, step)
+        coarse = max(1, round(0.5 / _BAND_HZ / h))
         for c in range(carts):
-            v = speed[c]
+            way = run.track[c][np.minimum(joints, n - 1)] + start
             keep = np.exp(-_COARSE * h / _WANDER_S)
-            slow = lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], rng.standard_normal(n // _COARSE + 2))
-            wander = np.interp(np.arange(n) / _COARSE, np.arange(n // _COARSE + 2), slow)
+            steps = rng.standard_normal(len(joints) * step // _COARSE + 2)
+            slow = lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], steps)
+            wander = np.interp(joints / _COARSE, np.arange(len(slow)), slow)
             own = 0.0 if bench.parts else between * rng.standard_normal()
-            friction = own + within * wander + rough * profiles[c](run.track[c] + start)
-            coarse = max(1, round(0.5 / _BAND_HZ / h))
-            shake = np.interp(np.arange(n) / coarse, np.arange(n // coarse + 2), rng.standard_normal(n // coarse + 2))
-            force[c] = noise * shake
-            force[c] += slope * (slopes[c](run.track[c] + start) - shared[c]) + height * hills[c](run.track[c] + start)
-            force[c] += against(v) * dry_level(values, c) * friction
-        pushes.append(force)
-    return pushes
+            friction = dry_level(values, c) * (within * wander + rough * profiles[c](way))
+            # what differs from run to run holds resting carts, too
+            coulomb = values.get(f"d{c + 1}", 0.0)
+            dry[f"d{c + 1}"] = coulomb * max(1.0 + own, _LEAST_FRICTION)
+            friction += (dry_level(values, c) - coulomb) * own
+            knots = rng.standard_normal(len(joints) * step // coarse + 2)
+            push = noise * np.interp(joints / coarse, np.arange(len(knots)), knots)
+            push += slope * (slopes[c](way) - shared[c]) + height * hills[c](way)
+            at = np.arange(n)
+            force[c] = np.interp(at, joints, push) + against(speed[c]) * np.interp(at, joints, friction)
+        days.append(Disturbance(force, dry))
+    return days
 
 
 def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
@@ -195,7 +226,7 @@ class _Profile:
         if not len(self.grid) or low < self.grid[0] or high > self.grid[-1]:
             # drawn where runs have been so far, and some way beyond
             reach = max(_REACH_MM, 1.2 * abs(low), 1.2 * abs(high))
-            self.grid = np.linspace(-reach, reach, round(4.0 * reach) + 1)
+            self.grid = np.linspace(-reach, reach, round(_PER_MM * 2.0 * reach) + 1)
             waves = np.cos(self.k[:, None] * self.grid + self.phase[:, None])
             self.values = np.sqrt(2.0 / len(self.k)) * waves.sum(axis=0)
         return np.asarray(np.interp(x, self.grid, self.values))

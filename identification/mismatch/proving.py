@@ -15,16 +15,17 @@ from flexdrive_gym.drive.effects import LAYOUT
 from flexdrive_gym.recording import FloatArray, Recording
 from identification.methods import rig_parameters
 from identification.mismatch.prove import gain_on, place, polished, total, velocity_fits
-from identification.mismatch.refit import Coordinates, sensitivities
+from identification.mismatch.refit import Coordinates, refit, sensitivities
 from identification.mismatch.rounds import Progress
 from identification.mismatch.search import Search, Step
+from identification.mismatch.settle import settle
 from identification.mismatch.split import Split
 from identification.mismatch.workbench import Workbench
 from identification.output_error import prepare
 from identification.topology import Topology
 
 # a finding must cut the comparable squared error by this share where it was learnt, and by this one in recordings kept away
-_LEARNT, _PROVEN = 0.01, 0.004
+_LEARNT, _PROVEN = 0.005, 0.004
 # and must not raise their plain rms, rough track and all, by more than this factor
 _WORSE = 1.005
 # a logarithm this uncertain says nothing, and its exponential is still a number
@@ -81,9 +82,14 @@ class Proving:
     ) -> None:
         self.runs, self.split, self.topology, self.names = runs, split, topology, topology.free
         self.free, self.bench, self.pool, self.say = free, bench, pool, say
+        # by names of findings: what was fitted once
+        self._fitted: dict[frozenset[tuple[str, str]], Mapping[str, float]] = {}
+        self._compared: dict[frozenset[tuple[str, str]], tuple[Mapping[str, float], float]] = {}
 
     def fitted(self, found: Search, steps: Sequence[Step], start: Mapping[str, float]) -> Mapping[str, float]:
         """Return the drive with these findings, fitted to what was learnt from."""
+        if _key(steps) in self._fitted:
+            return self._fitted[_key(steps)]
         names = list(self.names)
         values = {
             **self.topology.fixed,
@@ -96,9 +102,15 @@ class Proving:
             if step.rival.candidate.period is not None:
                 offsets = step.rival.offsets
         kept, self.bench.offsets = self.bench.offsets, offsets
-        values = dict(polished(self.bench, values, names))
+        # what a drive has next to an effect may be far from what it has without
+        begins = (values, {**values, **{k: v for k, v in self.free.items() if k in self.names}})
+        values = dict(polished(self.bench, min(begins, key=self._error), names))
         self.bench.offsets = kept
+        self._fitted[_key(steps)] = values
         return values
+
+    def _error(self, values: Mapping[str, float]) -> float:
+        return float(np.sum((self.bench.residual(values) * self.bench.rows.valid) ** 2))
 
     def certain(
         self, found: Search, steps: Sequence[Step]
@@ -108,8 +120,9 @@ class Proving:
         An effect that is there has much the same size in every recording; one that fits a chance of some has not, and its
         interval, from the spread between recordings, holds its absence.
         """
+        judges = self.judges(self.fitted(found, steps, found.model.values)) if steps else None
         while True:
-            proofs, free, everything = self.proven(found, steps)
+            proofs, free, everything = self.proven(found, steps, judges)
             self.say("fitting all recordings")
             drive = self.final(everything, [p.step for p in proofs])
             steps = [p.step for p in proofs if _differs(p.step, drive)]
@@ -117,7 +130,7 @@ class Proving:
                 return proofs, free, everything, drive
 
     def proven(
-        self, found: Search, steps: Sequence[Step]
+        self, found: Search, steps: Sequence[Step], judges: Workbench | None
     ) -> tuple[list[Proof], Mapping[str, float], Mapping[str, float]]:
         """Return those of the findings that hold on recordings kept away, the free drive and the diagnosed one.
 
@@ -131,22 +144,58 @@ class Proving:
             for step in steps:
                 others = [s for s in steps if s is not step]
                 without = self.fitted(found, others, found.model.values) if others else free
-                proofs.append(self.proof(step, without, everything))
+                proofs.append(self.proof(step, others, without, everything, judges))
             failed = [p for p in proofs if not p.holds]
             if not failed:
                 return proofs, free, everything
             # the one without which recordings kept away are predicted best
             steps.remove(min(failed, key=lambda p: p.before).step)
 
-    def proof(self, step: Step, without: Mapping[str, float], everything: Mapping[str, float]) -> Proof:
+    def judges(self, values: Mapping[str, float]) -> Workbench | None:
+        """Return a workbench of what was learnt from, on which drives are compared; ``None`` where there is one view only."""
+        bench = Workbench([prepare(r) for r in self.split.learn], self.pool, parts=self.split.parts)
+        if bench.parts or self.bench.known is None:
+            return None
+        bench.offsets, bench.known = place(values, self.split.learn, self.pool), self.bench.known
+        settle(bench, values, self.names)
+        return bench
+
+    def compared(
+        self, judges: Workbench, steps: Sequence[Step], values: Mapping[str, float]
+    ) -> tuple[Mapping[str, float], float]:
+        """Return a drive refitted where residuals are compared, and its cost: what is small is not found by a plain fit."""
+        if _key(steps) not in self._compared:
+            names = [*self.names, *(k for s in steps for k in keys_of(s))]
+            fit = refit(judges, values, names, iterations=4, view="comparable")
+            self._compared[_key(steps)] = (
+                fit.values,
+                float(np.sum(judges.comparable(judges.residual(fit.values)) ** 2)),
+            )
+        return self._compared[_key(steps)]
+
+    def proof(
+        self,
+        step: Step,
+        others: Sequence[Step],
+        without: Mapping[str, float],
+        everything: Mapping[str, float],
+        judges: Workbench | None,
+    ) -> Proof:
         """Return what a finding removes: ``without`` is the drive refitted without it, ``everything`` that with all."""
         kept = self.split.prove or self.split.learn
         before, after, _ = total(velocity_fits(without, everything, kept, self.runs, self.pool, held_out=True))
         low, high, _ = total(velocity_fits(without, everything, self.split.learn, self.runs, self.pool, held_out=False))
-        learnt, proven = (
-            gain_on(some, without, everything, self.pool, parts=self.split.parts, view=step.view)
-            for some in (self.split.learn, kept)
-        )
+        if judges is None or step.view == "weighted":
+            learnt, proven = (
+                gain_on(some, without, everything, self.pool, parts=self.split.parts, view=step.view)
+                for some in (self.split.learn, kept)
+            )
+        else:
+            (bare, worst), (whole, least) = (
+                self.compared(judges, some, drive) for some, drive in ((others, without), ([*others, step], everything))
+            )
+            learnt = 1.0 - least / worst
+            proven = gain_on(kept, bare, whole, self.pool, parts=False, view=step.view)
         return Proof(step, before, after, 1.0 - (high / low) ** 2, learnt, proven)
 
     def final(self, values: Mapping[str, float], steps: Sequence[Step]) -> Drive:
@@ -178,6 +227,10 @@ class Proving:
             ),
             name="diagnosed drive",
         )
+
+
+def _key(steps: Sequence[Step]) -> frozenset[tuple[str, str]]:
+    return frozenset(s.rival.name for s in steps)
 
 
 def keys_of(step: Step) -> tuple[str, ...]:

@@ -132,6 +132,7 @@ def refit(
     fresh: Sequence[str] | None = None,
     known: Fit | None = None,
     tolerance: float = 1e-4,
+    view: View = "weighted",
 ) -> Fit:
     """Fit the named parameters, starting from ``values``.
 
@@ -141,12 +142,14 @@ def refit(
         Parameters whose sensitivities are made anew in every iteration; default: all.
     known
         A fit of some of these parameters, whose sensitivities serve for the others.
+    view
+        In which the squared error is made least.
     """
     c = Coordinates(names, values)
     z = np.clip(c.of(values), c.low, c.high)
     now = c.to(z, values)
     raw = bench.residual(now)
-    e = bench.weighted(raw)
+    e = bench.seen(view, raw)
     cost, damping = float(e @ e), 1e-3
     S = np.zeros((len(e), len(c.names)))
     moving = np.ones(len(c.names), dtype=bool)
@@ -156,13 +159,13 @@ def refit(
             if n in place:
                 S[:, i] = known.sensitivity[:, place[n]]
                 moving[i] = fresh is None or n in fresh
-    J = bench.weighted(S)
+    J = bench.seen(view, S)
     for _ in range(iterations):
         own = np.flatnonzero(moving)
         part = Coordinates([c.names[i] for i in own], values)
         part.scale, part.low, part.high = c.scale[own], c.low[own], c.high[own]
         S[:, own] = sensitivities(bench, part, z[own], now, raw)
-        J[:, own] = bench.weighted(S[:, own])
+        J[:, own] = bench.seen(view, S[:, own])
         gradient, H = J.T @ e, J.T @ J
         better = False
         for _attempt in range(4):
@@ -176,7 +179,7 @@ def refit(
             new = np.clip(z + step / max(1.0, longest), c.low, c.high)
             trial = c.to(new, values)
             raw_new = bench.residual(trial)
-            e_new = bench.weighted(raw_new)
+            e_new = bench.seen(view, raw_new)
             cost_new = float(e_new @ e_new)
             if cost_new < cost:
                 better = True

@@ -21,7 +21,7 @@ Progress = Callable[[str], None]
 # effect and place to a drive that has it
 Starts = Mapping[tuple[str, str], Mapping[str, float]]
 # a finding must be rarer than this by chance, and explain at least this share of the remaining squared error
-LEVEL, LEAST_GAIN = 0.02, 0.02
+LEVEL, LEAST_GAIN = 0.02, 0.006
 _BATCH = 48
 _REFITS = 5
 _SECOND_STARTS = 1
@@ -268,9 +268,20 @@ def _rival(
         keys = _align(bench, model, c, dict(fit.values), raw)
         again = refit(bench, fit.values, (*model.names, *keys), iterations=3, fresh=keys, known=model)
         fit = min(fit, again, key=lambda f: f.cost)
+    if len(bench.views) > 1:
+        fit = _in_both_views(bench, model, fit, start, keys)
     offsets, bench.offsets = bench.offsets, here
-    better = fit.weighted <= model.weighted
-    return Rival(s, fit, offsets, tuple(fit.beside(model, view) if better else 0.0 for view in bench.views))
+    return Rival(s, fit, offsets, tuple(max(fit.beside(model, view), 0.0) for view in bench.views))
+
+
+def _in_both_views(bench: Workbench, model: Fit, plain: Fit, start: Mapping[str, float], keys: Sequence[str]) -> Fit:
+    """Refit where residuals are compared, too, from the plain fit or from the start; each view keeps its own best."""
+    names = (*model.names, *keys)
+    begin = plain.values if plain.cost < model.cost else start
+    sharp = refit(bench, begin, names, iterations=4, fresh=keys, known=model, view="comparable")
+    if sharp.cost >= plain.cost:
+        return plain
+    return replace(sharp, weighted=plain.weighted, minimised=plain.minimised)
 
 
 def _align(bench: Workbench, model: Fit, c: Candidate, start: dict[str, float], raw: FloatArray) -> tuple[str, ...]:

@@ -23,7 +23,7 @@ TIE_LEVEL, TIE_GAIN = 0.05, 0.98
 # friction along the track whose rms is below this share of the drive is the roughness that every rig has
 ROUGHNESS = 0.012
 WAY_MM = 100.0
-MOST_EFFECTS = 5
+MOST_EFFECTS = 4
 # what comes before its refinements, if it explains this share of what the best of them does
 _PLAIN, _PLAIN_GAIN = "coulomb_friction", 0.5
 

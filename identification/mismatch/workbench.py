@@ -9,7 +9,9 @@ run, and so does the slope of the track, for a run may begin anywhere; the track
 (:mod:`identification.mismatch.surroundings`). Along the directions :math:`D_r` of all that the residual may be anything
 within the prior :math:`N(0, S)`, so :math:`\varepsilon_r^T (I + D_r S D_r^T)^{-1} \varepsilon_r` replaces the sum of squares
 (N. M. Laird, J. H. Ware, Random-effects models for longitudinal data, Biometrics 38, 1982). A small effect hides among such
-errors; a fit does not need that freedom, with which a drive's own friction would hardly be determined.
+errors; a fit does not need that freedom, with which a drive's own friction would hardly be determined. What that prior does not
+know (how such forces move resting carts, how noise is coloured by the drive) is learnt from random draws of the nuisance: along
+their principal directions in every recording residuals are damped to the level of the rest (:meth:`Workbench.sharpen`).
 
 A candidate is looked at in both *views*, among weighted and among comparable residuals. A force that is the same in all runs is
 seen best among the first, for every single run might have had it by itself; most others among the second.
@@ -76,6 +78,22 @@ def _rows(runs: Sequence[Run]) -> Rows:
     return Rows(tuple(starts), tuple(blocks), np.concatenate(valid), np.concatenate(cart), np.concatenate(time))
 
 
+@dataclass(frozen=True, eq=False)
+class Disturbance:
+    """What disturbs one recording.
+
+    Attributes
+    ----------
+    force : ndarray, shape (2, n)
+        On each cart [V].
+    changes
+        Parameters that differ in this recording.
+    """
+
+    force: FloatArray
+    changes: Mapping[str, float]
+
+
 @dataclass(frozen=True)
 class Prior:
     """How far runs may differ along one direction: relative friction, or a constant force [V]."""
@@ -112,6 +130,9 @@ class Workbench:
         self.offsets = np.zeros(len(self.runs))
         self.spread: dict[str, float] = {}
         self._absorbed: list[FloatArray] = []
+        self._damped: list[FloatArray] = []
+        # rms error of a model, and raw residuals of draws around it
+        self.known: tuple[float, Columns] | None = None
 
     def unplaced(self, period: str | None) -> bool:
         """Whether an effect that repeats with this period meets every run at an unknown place; parts of one run share theirs."""
@@ -153,19 +174,35 @@ class Workbench:
         size
             Force [V] at which the change is taken.
         """
-        here = np.concatenate(
-            list(
-                self.pool.map(
-                    lambda r: self.blocks(values, r, np.zeros((2, len(self.runs[r].u)))), range(len(self.runs))
-                )
-            )
-        )
+        here = self._unpushed(values)
 
         def one(make: Callable[[], Sequence[FloatArray]]) -> FloatArray:
             force = make()
             return np.concatenate([self.blocks(values, r, size * force[r]) for r in range(len(self.runs))])
 
         return np.column_stack([(moved - here) / size for moved in self.pool.map(one, pushes)])
+
+    def disturbed(self, values: Mapping[str, float], days: Sequence[Callable[[], Sequence[Disturbance]]]) -> FloatArray:
+        """Return what disturbances change in the residual, shape (N, days).
+
+        Parameters
+        ----------
+        days
+            Functions that return a disturbance for every recording, called when needed.
+        """
+        here = self._unpushed(values)
+
+        def one(make: Callable[[], Sequence[Disturbance]]) -> FloatArray:
+            return np.concatenate([self.blocks({**values, **d.changes}, r, d.force) for r, d in enumerate(make())])
+
+        return np.column_stack([moved - here for moved in self.pool.map(one, days)])
+
+    def _unpushed(self, values: Mapping[str, float]) -> FloatArray:
+        """Return the residual under forces of zero: what forces change is then no matter of how steps are taken."""
+        runs = range(len(self.runs))
+        return np.concatenate(
+            list(self.pool.map(lambda r: self.blocks(values, r, np.zeros((2, len(self.runs[r].u)))), runs))
+        )
 
     def weigh(self, residual: FloatArray) -> None:
         """Set weights from the residuals of the present model."""
@@ -243,6 +280,33 @@ class Workbench:
         """
         self._absorbed = self._absorbing(directions, sizes)
 
+    def sharpen(self, disturbances: FloatArray | Columns, hidden: FloatArray, modes: int) -> None:
+        """Also damp what random disturbances do most in every recording, until it is no larger than the rest of what they do.
+
+        Parameters
+        ----------
+        disturbances
+            Raw residuals of draws, shape (N, draws).
+        hidden
+            Orthonormal comparable directions of the present model, which its fit takes out, shape (N, m).
+        modes
+            How many principal directions per recording.
+        """
+        self._damped = []
+        X = self.comparable(disturbances.astype(np.float64))
+        X -= hidden @ (hidden.T @ X)
+        # of every draw its shape, for the mixture matters and not its size
+        X /= np.maximum(np.sqrt(np.mean(X**2, axis=0)), 1e-300)
+        X /= np.sqrt(X.shape[1])
+        for r in range(len(self.runs)):
+            part = X[self.rows.of(r)]
+            square, V = np.linalg.eigh(part.T @ part)
+            first = np.argsort(-square)[:modes]
+            rest = max(float(square.sum() - square[first].sum()), 0.0) / max(len(part) - modes, 1)
+            use = first[square[first] > max(rest, 1e-12 * float(square.sum()))]
+            U = part @ (V[:, use] / np.sqrt(square[use]))
+            self._damped.append(U * np.sqrt(1.0 - np.sqrt(rest / square[use])))
+
     def _absorbing(self, directions: FloatArray, sizes: FloatArray) -> list[FloatArray]:
         found = []
         for r in range(len(self.runs)):
@@ -253,12 +317,13 @@ class Workbench:
 
     def forget_random_effects(self) -> None:
         """Let all recordings be alike."""
-        self._absorbed, self.spread = [], {}
+        self._absorbed, self._damped, self.spread = [], [], {}
 
     def comparable(self, x: FloatArray) -> FloatArray:
         """Weight, and take out what differs from run to run and the surroundings: what candidates are judged by."""
         y = self.weighted(x)
-        for r, R in enumerate(self._absorbed):
-            rows = self.rows.of(r)
-            y[rows] = y[rows] - R @ (R.T @ y[rows])
+        for taken in (self._absorbed, self._damped):
+            for r, R in enumerate(taken):
+                rows = self.rows.of(r)
+                y[rows] = y[rows] - R @ (R.T @ y[rows])
         return y

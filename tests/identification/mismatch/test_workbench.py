@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identification.mismatch.settle import absorb
-from identification.mismatch.workbench import FRICTION, OFFSET
+from identification.mismatch.workbench import FRICTION, OFFSET, Disturbance
 from identification.output_error import simulate_run
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import short_day, workbench
@@ -60,3 +60,32 @@ def test_surroundings_take_out_a_rough_track_and_leave_a_delay(bench):
     left = [np.sum(bench.comparable(e) ** 2) / np.sum(bench.weighted(e) ** 2) for e in (rough, late)]
     assert left[0] < 0.1
     assert left[1] > 5.0 * left[0]
+
+
+def test_sharpening_damps_what_disturbances_do_to_the_level_of_the_rest(bench):
+    """In every recording the first principal directions end with the variance that the others have on average."""
+    rng = np.random.default_rng(3)
+    N, modes = len(bench.weights), 2
+    bench.forget_random_effects()
+    bench.weigh(bench.residual(RIG))
+    shapes = rng.normal(size=(N, modes))
+    draws = 20.0 * shapes @ rng.normal(size=(modes, 60)) + rng.normal(size=(N, 60))
+    bench.sharpen(draws, np.zeros((N, 0)), modes)
+    unit = draws / np.sqrt(np.mean(bench.weighted(draws) ** 2, axis=0))
+    for r in range(len(bench.runs)):
+        rows = bench.rows.of(r)
+        U, sigma, _ = np.linalg.svd(bench.weighted(unit)[rows], full_matrices=False)
+        rest = np.sum(sigma[modes:] ** 2) / (len(U) - modes)
+        left = np.sum((U[:, :modes].T @ bench.comparable(unit)[rows]) ** 2, axis=1)
+        assert left == pytest.approx(rest, rel=1e-6)
+        others = np.sum((U[:, modes:].T @ bench.comparable(unit)[rows]) ** 2, axis=1)
+        assert others == pytest.approx(sigma[modes:] ** 2)
+    bench.forget_random_effects()
+
+
+def test_a_draw_of_nuisance_holds_resting_carts_too(bench):
+    """Friction that differs from run to run is a change of the law itself: where only it is drawn, a cart at rest stays so."""
+    quiet = [Disturbance(np.zeros((2, len(run.u))), {"d1": 1.2 * RIG["d1"]}) for run in bench.runs]
+    found = bench.disturbed(RIG, [lambda: quiet])[:, 0]
+    expected = bench.residual({**RIG, "d1": 1.2 * RIG["d1"]}) - bench.residual(RIG)
+    assert found == pytest.approx(expected, abs=0.2)
