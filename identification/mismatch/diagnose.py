@@ -168,6 +168,7 @@ class _Diagnosing:
         say("estimating the missing forces")
         forces = self.forces(free, split.learn)
         maps = draw_maps(forces)
+        proving = Proving(self.runs, split, self.topology, free, self.pool, say)
         found = search(
             self.bench,
             free,
@@ -176,13 +177,13 @@ class _Diagnosing:
             drive_level=self.level,
             shapes=self.shapes,
             starts=self.starts,
+            stands=proving.stands,
             say=say,
         )
         # the proofs fit drives without any such freedom
         self.friction_spread = self.bench.spread.get("friction", 0.0)
         shape, alike, overrules = self.unnamed(found)
         say("proving on recordings kept away")
-        proving = Proving(self.runs, split, self.topology, free, self.bench, self.pool, say)
         proofs, before_values, after_values, drive = proving.certain(found, () if overrules else found.steps)
         fits = velocity_fits(before_values, after_values, split.learn, self.runs, self.pool, held_out=False)
         fits += velocity_fits(before_values, after_values, split.prove, self.runs, self.pool, held_out=True)

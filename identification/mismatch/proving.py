@@ -64,8 +64,6 @@ class Proving:
 
     Parameters
     ----------
-    bench
-        The recordings learnt from.
     free
         The free fit's parameters.
     """
@@ -76,18 +74,18 @@ class Proving:
         split: Split,
         topology: Topology,
         free: Mapping[str, float],
-        bench: Workbench,
         pool: Executor,
         say: Progress,
     ) -> None:
         self.runs, self.split, self.topology, self.names = runs, split, topology, topology.free
-        self.free, self.bench, self.pool, self.say = free, bench, pool, say
+        self.free, self.pool, self.say = free, pool, say
+        self.bench = Workbench([prepare(r) for r in split.learn], pool, parts=split.parts)
         # by names of findings: what was fitted once
         self._fitted: dict[frozenset[tuple[str, str]], Mapping[str, float]] = {}
         self._compared: dict[frozenset[tuple[str, str]], tuple[Mapping[str, float], float]] = {}
 
-    def fitted(self, found: Search, steps: Sequence[Step], start: Mapping[str, float]) -> Mapping[str, float]:
-        """Return the drive with these findings, fitted to what was learnt from."""
+    def fitted(self, steps: Sequence[Step], start: Mapping[str, float]) -> Mapping[str, float]:
+        """Return the drive with these findings, fitted to what was learnt from; ``start`` has at least their parameters."""
         if _key(steps) in self._fitted:
             return self._fitted[_key(steps)]
         names = list(self.names)
@@ -98,7 +96,7 @@ class Proving:
         offsets = np.zeros(len(self.bench.runs))
         for step in steps:
             names += keys_of(step)
-            values |= {k: start.get(k, found.model.values[k]) for k in (*keys_of(step), *held_of(step))}
+            values |= {k: start[k] for k in (*keys_of(step), *held_of(step))}
             if step.rival.candidate.period is not None:
                 offsets = step.rival.offsets
         kept, self.bench.offsets = self.bench.offsets, offsets
@@ -120,7 +118,7 @@ class Proving:
         An effect that is there has much the same size in every recording; one that fits a chance of some has not, and its
         interval, from the spread between recordings, holds its absence.
         """
-        judges = self.judges(self.fitted(found, steps, found.model.values)) if steps else None
+        judges = self.judges(self.fitted(steps, found.model.values), found) if steps else None
         while True:
             proofs, free, everything = self.proven(found, steps, judges)
             self.say("fitting all recordings")
@@ -136,14 +134,14 @@ class Proving:
 
         A finding holds if the drive with all findings predicts those recordings better than the drive refitted without it.
         """
-        free = self.fitted(found, (), {})
+        free = self.fitted((), {})
         steps = list(steps)
         while True:
-            everything = self.fitted(found, steps, found.model.values) if steps else free
+            everything = self.fitted(steps, found.model.values) if steps else free
             proofs = []
             for step in steps:
                 others = [s for s in steps if s is not step]
-                without = self.fitted(found, others, found.model.values) if others else free
+                without = self.fitted(others, found.model.values) if others else free
                 proofs.append(self.proof(step, others, without, everything, judges))
             failed = [p for p in proofs if not p.holds]
             if not failed:
@@ -151,12 +149,24 @@ class Proving:
             # the one without which recordings kept away are predicted best
             steps.remove(min(failed, key=lambda p: p.before).step)
 
-    def judges(self, values: Mapping[str, float]) -> Workbench | None:
+    def stands(self, bench: Workbench, steps: Sequence[Step], step: Step, start: Mapping[str, float]) -> bool:
+        """Return whether a finding holds next to those before it; ``bench`` is that of the search."""
+        without, everything = self.fitted(steps, start), self.fitted([*steps, step], start)
+        here = bench.offsets
+        if step.rival.candidate.period is not None:
+            bench.offsets = step.rival.offsets
+        self._compared.clear()
+        holds = self.proof(step, steps, without, everything, None if bench.parts else bench).holds
+        self._compared.clear()
+        bench.offsets = here
+        return holds
+
+    def judges(self, values: Mapping[str, float], found: Search) -> Workbench | None:
         """Return a workbench of what was learnt from, on which drives are compared; ``None`` where there is one view only."""
-        bench = Workbench([prepare(r) for r in self.split.learn], self.pool, parts=self.split.parts)
-        if bench.parts or self.bench.known is None:
+        if self.bench.parts or found.known is None:
             return None
-        bench.offsets, bench.known = place(values, self.split.learn, self.pool), self.bench.known
+        bench = Workbench(self.bench.runs, self.pool)
+        bench.offsets, bench.known = place(values, self.split.learn, self.pool), found.known
         settle(bench, values, self.names)
         return bench
 

@@ -13,7 +13,7 @@ from identification.mismatch.refit import Fit
 from identification.mismatch.rounds import Progress, Rival, Stage, Starts, passes, stage
 from identification.mismatch.settle import settle
 from identification.mismatch.shapes import Shape, free_shapes
-from identification.mismatch.workbench import View, Workbench
+from identification.mismatch.workbench import Columns, View, Workbench
 from identification.topology import Topology
 
 # once something is certainly left out, which effect it is is decided among all that chance would reach more rarely than this
@@ -23,7 +23,8 @@ TIE_LEVEL, TIE_GAIN = 0.05, 0.98
 # friction along the track whose rms is below this share of the drive is the roughness that every rig has
 ROUGHNESS = 0.012
 WAY_MM = 100.0
-MOST_EFFECTS = 4
+# findings at most, and rivals of one round that are put to the proof
+MOST_EFFECTS, MOST_TRIED = 4, 3
 # what comes before its refinements, if it explains this share of what the best of them does
 _PLAIN, _PLAIN_GAIN = "coulomb_friction", 0.5
 
@@ -50,15 +51,20 @@ class Step:
     view: View
 
 
+# workbench of the search, findings before, a finding, start values: whether it holds on recordings kept away
+Stands = Callable[[Workbench, Sequence[Step], Step, Mapping[str, float]], bool]
+
+
 @dataclass(frozen=True, eq=False)
 class Search:
-    """All rounds: what was taken up, and where it ended."""
+    """All rounds: what was taken up, and where it ended; what the workbench knows of nuisance."""
 
     steps: tuple[Step, ...]
     model: Fit
     stages: tuple[Stage, ...] = field(repr=False)
     first_shapes: tuple[Shape, ...] = field(repr=False)
     last_shapes: tuple[Shape, ...] = field(repr=False)
+    known: tuple[float, Columns] | None = field(repr=False, default=None)
 
     @property
     def last(self) -> Stage:
@@ -75,6 +81,7 @@ def search(
     drive_level: float,
     shapes: Callable[[Mapping[str, float]], Mapping[str, Sequence[float]]],
     starts: Starts | None = None,
+    stands: Stands = lambda *_: True,
     say: Progress = lambda _: None,
 ) -> Search:
     """Find the effects that were left out of a drive.
@@ -92,6 +99,8 @@ def search(
     starts
         Drives from which named candidates are refitted, instead of from the present model: a sensor that shows something else
         than motion spoils every fit that does not know of it.
+    stands
+        Whether a finding holds on recordings kept away, next to those before it and with the given start values.
     """
     starts = starts or {}
     model = settle(bench, values, topology.free)
@@ -103,18 +112,33 @@ def search(
         if len(stages) == 1:
             say("free shapes")
             shapes_found = first_shapes = _shapes(bench, now)
-        best = _choose(now, drive_level)
-        if best is None or len(steps) == MOST_EFFECTS:
+        step = _proven(bench, now, drive_level, steps, stands) if len(steps) < MOST_EFFECTS else None
+        if step is None:
             break
+        best = step.rival
         bench.offsets = best.offsets
         model = settle(bench, best.fit.values, best.fit.names)
-        ties = [r for r in now.rivals if r is not best and _ties(now, r, best)]
-        steps.append(Step(best, _foremost(ties, best), best.probability, now.view))
+        steps.append(step)
         say(f"found: {best.name[0]} at {best.name[1]}")
     if len(stages) > 1:
         say("free shapes")
         shapes_found = _shapes(bench, stages[-1])
-    return Search(tuple(steps), model, tuple(stages), first_shapes, shapes_found)
+    return Search(tuple(steps), model, tuple(stages), first_shapes, shapes_found, bench.known)
+
+
+def _proven(bench: Workbench, now: Stage, drive_level: float, steps: Sequence[Step], stands: Stands) -> Step | None:
+    """Return the best finding of a round that holds on recordings kept away, if one of the first does."""
+    rivals = now.rivals
+    for _ in range(MOST_TRIED):
+        best = _choose(replace(now, rivals=rivals), drive_level)
+        if best is None:
+            return None
+        ties = [r for r in rivals if r is not best and _ties(now, r, best)]
+        step = Step(best, _foremost(ties, best), best.probability, now.view)
+        if stands(bench, steps, step, best.fit.values):
+            return step
+        rivals = tuple(r for r in rivals if r is not best)
+    return None
 
 
 def _shapes(bench: Workbench, stage: Stage) -> tuple[Shape, ...]:
