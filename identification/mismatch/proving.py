@@ -18,7 +18,7 @@ from identification.mismatch.prove import gain_on, place, polished, total, veloc
 from identification.mismatch.refit import Coordinates, refit, sensitivities
 from identification.mismatch.rounds import Progress
 from identification.mismatch.search import Search, Step
-from identification.mismatch.settle import settle
+from identification.mismatch.settle import absorb, settle
 from identification.mismatch.split import Split
 from identification.mismatch.workbench import Workbench
 from identification.output_error import prepare
@@ -28,6 +28,10 @@ from identification.topology import Topology
 _LEARNT, _PROVEN = 0.005, 0.004
 # and must not raise their plain rms, rough track and all, by more than this factor
 _WORSE = 1.005
+# or must lower it by this factor
+_BETTER = 0.99
+# of what effects can explain among comparable residuals, a plain fit must keep this share
+_KEPT = 0.7
 # a logarithm this uncertain says nothing, and its exponential is still a number
 _UNKNOWN = 300.0
 
@@ -41,7 +45,7 @@ class Proof:
     before, after
         Rms on recordings kept away [mm/s].
     share
-        Of the squared error of recordings learnt from that it removes.
+        Of the squared error of recordings learnt from that it removes, plainly or among comparable residuals, where it is more.
     learnt, kept
         Share of the comparable squared error that it removes, in recordings learnt from and kept away.
     """
@@ -56,7 +60,8 @@ class Proof:
     @property
     def holds(self) -> bool:
         """Whether the finding stands."""
-        return self.learnt > _LEARNT and self.kept > _PROVEN and self.after < _WORSE * self.before
+        seen = self.kept > _PROVEN and self.after < _WORSE * self.before
+        return self.learnt > _LEARNT and (seen or self.after < _BETTER * self.before)
 
 
 class Proving:
@@ -83,29 +88,53 @@ class Proving:
         # by names of findings: what was fitted once
         self._fitted: dict[frozenset[tuple[str, str]], Mapping[str, float]] = {}
         self._compared: dict[frozenset[tuple[str, str]], tuple[Mapping[str, float], float]] = {}
+        # whether their effects are too small for a plain fit
+        self._small: dict[frozenset[tuple[str, str]], bool] = {}
 
-    def fitted(self, steps: Sequence[Step], start: Mapping[str, float]) -> Mapping[str, float]:
-        """Return the drive with these findings, fitted to what was learnt from; ``start`` has at least their parameters."""
+    def fitted(
+        self, steps: Sequence[Step], start: Mapping[str, float], judges: Workbench | None
+    ) -> Mapping[str, float]:
+        """Return the drive with these findings, fitted to what was learnt from; ``start`` has at least their parameters.
+
+        Everything is fitted plainly, if the effects so keep what they explain where residuals are compared. What is small among
+        plain residuals does not: such effects keep the sizes of the fit among comparable ones.
+        """
         if _key(steps) in self._fitted:
             return self._fitted[_key(steps)]
-        names = list(self.names)
-        values = {
-            **self.topology.fixed,
-            **{k: start.get(k, self.free.get(k, 0.0)) for k in self.names},
-        }
-        offsets = np.zeros(len(self.bench.runs))
-        for step in steps:
-            names += keys_of(step)
-            values |= {k: start[k] for k in (*keys_of(step), *held_of(step))}
-            if step.rival.candidate.period is not None:
-                offsets = step.rival.offsets
-        kept, self.bench.offsets = self.bench.offsets, offsets
+        keys = [k for s in steps for k in keys_of(s)]
+        kept, self.bench.offsets = self.bench.offsets, self._offsets(steps)
+        seen = start if judges is None else self.compared(judges, steps, start)[0]
         # what a drive has next to an effect may be far from what it has without
-        begins = (values, {**values, **{k: v for k, v in self.free.items() if k in self.names}})
-        values = dict(polished(self.bench, min(begins, key=self._error), names))
+        begin = min((self._begin(steps, seen, own) for own in (seen, self.free)), key=self._error)
+        values = dict(polished(self.bench, begin, [*self.names, *keys]))
+        self._small[_key(steps)] = judges is not None and bool(keys) and self._lost(judges, steps, start, values)
+        if self._small[_key(steps)]:
+            values = dict(polished(self.bench, begin, self.names))
         self.bench.offsets = kept
         self._fitted[_key(steps)] = values
         return values
+
+    def _lost(
+        self, judges: Workbench, steps: Sequence[Step], start: Mapping[str, float], values: Mapping[str, float]
+    ) -> bool:
+        """Whether effects with the sizes of a plain fit explain less than they can, by more than a share."""
+        most = self.compared(judges, (), self.free)[1] - self.compared(judges, steps, start)[1]
+        fit = refit(judges, values, self.names, iterations=3, view="comparable")
+        cost = float(np.sum(judges.comparable(judges.residual(fit.values)) ** 2))
+        return self.compared(judges, (), self.free)[1] - cost < _KEPT * most
+
+    def _begin(self, steps: Sequence[Step], start: Mapping[str, float], own: Mapping[str, float]) -> dict[str, float]:
+        """Return a drive with effects as in ``start`` and everything else as in ``own``."""
+        keys = [k for s in steps for k in (*keys_of(s), *held_of(s))]
+        base = {k: own.get(k, self.free.get(k, 0.0)) for k in self.names}
+        return {**self.topology.fixed, **base, **{k: start[k] for k in keys}}
+
+    def _offsets(self, steps: Sequence[Step]) -> FloatArray:
+        offsets = np.zeros(len(self.bench.runs))
+        for step in steps:
+            if step.rival.candidate.period is not None:
+                offsets = step.rival.offsets
+        return offsets
 
     def _error(self, values: Mapping[str, float]) -> float:
         return float(np.sum((self.bench.residual(values) * self.bench.rows.valid) ** 2))
@@ -118,7 +147,7 @@ class Proving:
         An effect that is there has much the same size in every recording; one that fits a chance of some has not, and its
         interval, from the spread between recordings, holds its absence.
         """
-        judges = self.judges(self.fitted(steps, found.model.values), found) if steps else None
+        judges = self.judges(found.model.values, found) if steps else None
         while True:
             proofs, free, everything = self.proven(found, steps, judges)
             self.say("fitting all recordings")
@@ -134,15 +163,13 @@ class Proving:
 
         A finding holds if the drive with all findings predicts those recordings better than the drive refitted without it.
         """
-        free = self.fitted((), {})
+        free = self.fitted((), self.free, judges)
         steps = list(steps)
         while True:
-            everything = self.fitted(steps, found.model.values) if steps else free
-            proofs = []
-            for step in steps:
-                others = [s for s in steps if s is not step]
-                without = self.fitted(others, found.model.values) if others else free
-                proofs.append(self.proof(step, others, without, everything, judges))
+            everything = self.fitted(steps, found.model.values, judges) if steps else free
+            proofs = [
+                self.proof(step, [s for s in steps if s is not step], found.model.values, judges) for step in steps
+            ]
             failed = [p for p in proofs if not p.holds]
             if not failed:
                 return proofs, free, everything
@@ -151,14 +178,14 @@ class Proving:
 
     def stands(self, bench: Workbench, steps: Sequence[Step], step: Step, start: Mapping[str, float]) -> bool:
         """Return whether a finding holds next to those before it; ``bench`` is that of the search."""
-        without, everything = self.fitted(steps, start), self.fitted([*steps, step], start)
-        here = bench.offsets
-        if step.rival.candidate.period is not None:
-            bench.offsets = step.rival.offsets
+        here, bench.offsets = bench.offsets, self._offsets([*steps, step])
+        # judged by another bench in every round
+        self._fitted.clear()
         self._compared.clear()
-        holds = self.proof(step, steps, without, everything, None if bench.parts else bench).holds
-        self._compared.clear()
+        holds = self.proof(step, steps, start, None if bench.parts else bench).holds
         bench.offsets = here
+        self._fitted.clear()
+        self._compared.clear()
         return holds
 
     def judges(self, values: Mapping[str, float], found: Search) -> Workbench | None:
@@ -168,30 +195,26 @@ class Proving:
         bench = Workbench(self.bench.runs, self.pool)
         bench.offsets, bench.known = place(values, self.split.learn, self.pool), found.known
         settle(bench, values, self.names)
+        self._fitted.clear()
+        self._compared.clear()
         return bench
 
     def compared(
-        self, judges: Workbench, steps: Sequence[Step], values: Mapping[str, float]
+        self, judges: Workbench, steps: Sequence[Step], start: Mapping[str, float]
     ) -> tuple[Mapping[str, float], float]:
-        """Return a drive refitted where residuals are compared, and its cost: what is small is not found by a plain fit."""
+        """Return a drive fitted where residuals are compared, and its cost: what is small is not found by a plain fit."""
         if _key(steps) not in self._compared:
             names = [*self.names, *(k for s in steps for k in keys_of(s))]
-            fit = refit(judges, values, names, iterations=4, view="comparable")
-            self._compared[_key(steps)] = (
-                fit.values,
-                float(np.sum(judges.comparable(judges.residual(fit.values)) ** 2)),
-            )
+            begins = [self._begin(steps, start, own) for own in (start, self.free)]
+            costs = [float(np.sum(judges.comparable(judges.residual(v)) ** 2)) for v in begins]
+            fit = refit(judges, begins[int(np.argmin(costs))], names, iterations=4, view="comparable")
+            cost = float(np.sum(judges.comparable(judges.residual(fit.values)) ** 2))
+            self._compared[_key(steps)] = fit.values, cost
         return self._compared[_key(steps)]
 
-    def proof(
-        self,
-        step: Step,
-        others: Sequence[Step],
-        without: Mapping[str, float],
-        everything: Mapping[str, float],
-        judges: Workbench | None,
-    ) -> Proof:
-        """Return what a finding removes: ``without`` is the drive refitted without it, ``everything`` that with all."""
+    def proof(self, step: Step, others: Sequence[Step], start: Mapping[str, float], judges: Workbench | None) -> Proof:
+        """Return what a finding removes next to others: the drive fitted without it against that with it."""
+        without, everything = (self.fitted(some, start, judges) for some in (others, [*others, step]))
         kept = self.split.prove or self.split.learn
         before, after, _ = total(velocity_fits(without, everything, kept, self.runs, self.pool, held_out=True))
         low, high, _ = total(velocity_fits(without, everything, self.split.learn, self.runs, self.pool, held_out=False))
@@ -201,12 +224,10 @@ class Proving:
                 for some in (self.split.learn, kept)
             )
         else:
-            (bare, worst), (whole, least) = (
-                self.compared(judges, some, drive) for some, drive in ((others, without), ([*others, step], everything))
-            )
+            (bare, worst), (whole, least) = (self.compared(judges, some, start) for some in (others, [*others, step]))
             learnt = 1.0 - least / worst
             proven = gain_on(kept, bare, whole, self.pool, parts=False, view=step.view)
-        return Proof(step, before, after, 1.0 - (high / low) ** 2, learnt, proven)
+        return Proof(step, before, after, max(1.0 - (high / low) ** 2, learnt), learnt, proven)
 
     def final(self, values: Mapping[str, float], steps: Sequence[Step]) -> Drive:
         """Return the drive fitted to all open-loop recordings, with intervals from the spread between recordings."""
@@ -214,7 +235,12 @@ class Proving:
         bench = Workbench([prepare(r) for r in runs], self.pool)
         bench.offsets = place(values, runs, self.pool)
         names = [*self.names, *(k for s in steps for k in keys_of(s))]
-        values = polished(bench, values, names)
+        if self._small.get(_key(steps), False):
+            # effects are fitted where they are seen
+            absorb(bench, values)
+            values = refit(bench, values, names, iterations=5, view="comparable").values
+        else:
+            values = polished(bench, values, names)
         c = Coordinates(names, values)
         raw = bench.residual(values)
         e = bench.comparable(raw)

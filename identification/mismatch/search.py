@@ -117,7 +117,7 @@ def search(
             break
         best = step.rival
         bench.offsets = best.offsets
-        model = settle(bench, best.fit.values, best.fit.names)
+        model = settle(bench, best.fit.values, best.fit.names, None if bench.parts else topology.free)
         steps.append(step)
         say(f"found: {best.name[0]} at {best.name[1]}")
     if len(stages) > 1:

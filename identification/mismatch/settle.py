@@ -20,10 +20,15 @@ DRAWS, MODES, _SEED = 160, 40, 20
 _ANOTHER = 3.0
 
 
-def settle(bench: Workbench, values: Mapping[str, float], names: Sequence[str]) -> Fit:
-    """Weigh with the present model's residuals, fit it, and weigh again for what comes next."""
+def settle(
+    bench: Workbench, values: Mapping[str, float], names: Sequence[str], plain: Sequence[str] | None = None
+) -> Fit:
+    """Weigh with the present model's residuals, fit it, and weigh again for what comes next.
+
+    ``plain`` are those of the names that are fitted; effects were fitted where they are seen, and keep their sizes.
+    """
     bench.weigh(bench.residual(values))
-    values = refit(bench, values, names, iterations=6).values
+    values = refit(bench, values, names if plain is None else plain, iterations=6).values
     absorb(bench, values)
     model = with_fresh_sensitivity(bench, values, names)
     if bench.parts:
