@@ -26,6 +26,8 @@ from identification.topology import Topology
 
 # a finding must cut the comparable squared error by this share where it was learnt, and by this one in recordings kept away
 _LEARNT, _PROVEN = 0.005, 0.004
+# the former where there is one view only, in which everything is larger
+_LEARNT_PLAINLY = 0.01
 # and must not raise their plain rms, rough track and all, by more than this factor
 _WORSE = 1.005
 # or must lower it by this factor
@@ -48,6 +50,8 @@ class Proof:
         Of the squared error of recordings learnt from that it removes, plainly or among comparable residuals, where it is more.
     learnt, kept
         Share of the comparable squared error that it removes, in recordings learnt from and kept away.
+    least
+        What ``learnt`` must be at least.
     """
 
     step: Step
@@ -56,12 +60,13 @@ class Proof:
     share: float
     learnt: float
     kept: float
+    least: float = _LEARNT
 
     @property
     def holds(self) -> bool:
         """Whether the finding stands."""
         seen = self.kept > _PROVEN and self.after < _WORSE * self.before
-        return self.learnt > _LEARNT and (seen or self.after < _BETTER * self.before)
+        return self.learnt > self.least and (seen or self.after < _BETTER * self.before)
 
 
 class Proving:
@@ -227,7 +232,8 @@ class Proving:
             (bare, worst), (whole, least) = (self.compared(judges, some, start) for some in (others, [*others, step]))
             learnt = 1.0 - least / worst
             proven = gain_on(kept, bare, whole, self.pool, parts=False, view=step.view)
-        return Proof(step, before, after, max(1.0 - (high / low) ** 2, learnt), learnt, proven)
+        least_share = _LEARNT_PLAINLY if judges is None else _LEARNT
+        return Proof(step, before, after, max(1.0 - (high / low) ** 2, learnt), learnt, proven, least_share)
 
     def final(self, values: Mapping[str, float], steps: Sequence[Step]) -> Drive:
         """Return the drive fitted to all open-loop recordings, with intervals from the spread between recordings."""
