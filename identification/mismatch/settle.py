@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -35,7 +36,12 @@ def settle(
         return model
     sharpen(bench, model)
     c = Coordinates(names, values)
-    return judged(bench, c, c.of(values), values, bench.residual(values), model.sensitivity)
+    model = judged(bench, c, c.of(values), values, bench.residual(values), model.sensitivity)
+    if plain is None or len(plain) == len(names):
+        return model
+    # among plain residuals a rival must beat the best plain fit, not one with sizes from elsewhere
+    best = refit(bench, values, names, iterations=6)
+    return replace(model, weighted=best.weighted, minimised=best.minimised)
 
 
 def sharpen(bench: Workbench, model: Fit, draws: int = DRAWS, modes: int = MODES) -> None:
