@@ -161,7 +161,7 @@ CASES = {
 @pytest.mark.parametrize("name", CASES)
 def test_agrees_with_event_driven_integration_at_one_millisecond(name):
     values, functions, tolerance = CASES[name]
-    expected = np.empty((4, len(T)))
+    expected = np.zeros((4, len(T)))
     expected[:, ::4] = Masses(RIG, **functions).run(T[::4], U[::4])
     found = states({**RIG, **values}, U)
     plain = states(RIG, U)
