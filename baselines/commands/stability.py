@@ -61,7 +61,7 @@ def stability(
         })  # fmt: skip
         return
     table(
-        f"P-control of {rig.name}",
+        f"P-control of “{rig.name}”",
         [
             "feedback",
             "Routh [V/mm]",

@@ -11,6 +11,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from baselines.compare import Behaviour, Comparison, Summary
 from baselines.describing_function import analytic_response
 from flexdrive_gym import LinearController
+from flexdrive_gym.recording import FloatArray
 from identification.plots.style import CART, COMMAND, MARK, REFERENCE, legend_above, new_figure, styled
 
 if TYPE_CHECKING:
@@ -30,20 +31,11 @@ def plot_responses(found: Behaviour, reference: str) -> Figure:
     figure = new_figure(0.5 + 1.25 * len(found.shown), width=9.5)
     panels = figure.subplots(len(found.shown), 3, sharex=True, sharey="col", squeeze=False)
     for shown, (position, error, command) in zip(found.shown, panels, strict=True):
-        x1, _v1, x2, _v2, u = shown.runs[reference]
-        position.plot(found.t, x1, color=CART[1], linewidth=0.7, alpha=0.6, label="$x_1$")
-        position.plot(found.t, x2, color=CART[2], label="$x_2$")
-        position.plot(found.t, xr, color=REFERENCE, linewidth=1.0, linestyle="--", label="$x_r$")
-        e = xr - x2
-        error.plot(found.t, e, color=CART[2], linewidth=0.9)
-        error.axhline(0.0, color=COMMAND, linewidth=0.6)
-        command.plot(found.t, u, color=COMMAND, linewidth=0.7)
         kind = "learnt" if shown.result.entry.learnt else shown.result.entry.feedback
-        position.set_title(f"{shown.name} ({kind})", loc="left", fontsize=8.5)
-        error.set_title(f"rms {np.sqrt(np.mean(e**2)):.2f} mm", loc="left", fontsize=8.5)
+        _draw_tracking(position, error, found.t, xr, shown.runs[reference], f"{shown.name} ({kind})")
+        u = shown.runs[reference][4]
+        command.plot(found.t, u, color=COMMAND, linewidth=0.7)
         command.set_title(f"rms {np.sqrt(np.mean(u**2)):.2f} V", loc="left", fontsize=8.5)
-        position.set_ylabel("[mm]")
-        error.set_ylabel("$x_r - x_2$ [mm]")
         command.set_ylabel("u [V]")
     # one scale for all: the error of the second worst fits, what leaves it is in the title
     peaks = sorted(float(np.max(np.abs(xr - s.runs[reference][2]))) for s in found.shown)
@@ -63,19 +55,25 @@ def plot_lesson(found: Lesson) -> Figure:
     figure = new_figure(0.5 + 1.15 * len(found.shown), width=8.5)
     panels = figure.subplots(len(found.shown), 2, sharex=True, sharey="col", squeeze=False)
     for shown, (position, error) in zip(found.shown, panels, strict=True):
-        position.plot(found.t, shown.run[0], color=CART[1], linewidth=0.8, label="$x_1$")
-        position.plot(found.t, shown.run[2], color=CART[2], label="$x_2$")
-        position.plot(found.t, found.xr, color=REFERENCE, linewidth=1.0, linestyle="--", label="$x_r$")
-        error.plot(found.t, found.xr - shown.run[2], color=CART[2], linewidth=0.9)
-        error.axhline(0.0, color=COMMAND, linewidth=0.6)
-        position.set_title(shown.name, loc="left", fontsize=8.5)
-        error.set_title(f"rms {shown.measures.rms:.2f} mm", loc="left", fontsize=8.5)
-        position.set_ylabel("[mm]")
-        error.set_ylabel("$x_r - x_2$ [mm]")
+        _draw_tracking(position, error, found.t, found.xr, shown.run, shown.name)
     for axes in panels[-1]:
         axes.set_xlabel("time [s]")
     legend_above(panels[0, 0])
     return figure
+
+
+def _draw_tracking(position: Axes, error: Axes, t: FloatArray, xr: FloatArray, run: FloatArray, title: str) -> None:
+    """Draw positions and tracking error of a run, ndarray, shape (5, n): x1, v1, x2, v2, u."""
+    e = xr - run[2]
+    position.plot(t, run[0], color=CART[1], linewidth=0.7, alpha=0.7, label="$x_1$")
+    position.plot(t, run[2], color=CART[2], label="$x_2$")
+    position.plot(t, xr, color=REFERENCE, linewidth=1.0, linestyle="--", label="$x_r$")
+    error.plot(t, e, color=CART[2], linewidth=0.9)
+    error.axhline(0.0, color=COMMAND, linewidth=0.6)
+    position.set_title(title, loc="left", fontsize=8.5)
+    error.set_title(f"rms {np.sqrt(np.mean(e**2)):.2f} mm", loc="left", fontsize=8.5)
+    position.set_ylabel("[mm]")
+    error.set_ylabel("$x_r - x_2$ [mm]")
 
 
 @styled

@@ -47,7 +47,7 @@ _START_MM = (25.0, 150.0)
 _TRACK_MM = np.linspace(-250.0, 250.0, 501)
 _REACH_MM = 400.0
 # points of a profile, and time between joints of what is smooth
-_PER_MM, _SMOOTH_S = 1.0, 0.003
+_PER_MM, _JOINT_S = 1.0, 0.003
 # candidates that a thread looks at together
 _PART = 32
 # of a run's dry friction, relative
@@ -184,8 +184,8 @@ def nuisance(
         if not bench.parts:
             start = apart * rng.standard_normal()
         # all but the sign of a velocity is smooth: it is made at joints and straight between them
-        step = max(1, round(_SMOOTH_S / h))
-        joints = np.arange(0, n + step, step)
+        step = max(1, round(_JOINT_S / h))
+        at, joints = np.arange(n), np.arange(0, n + step, step)
         coarse = max(1, round(0.5 / _BAND_HZ / h))
         for c in range(carts):
             way = run.track[c][np.minimum(joints, n - 1)] + start
@@ -202,7 +202,6 @@ def nuisance(
             knots = rng.standard_normal(len(joints) * step // coarse + 2)
             push = noise * np.interp(joints / coarse, np.arange(len(knots)), knots)
             push += slope * (slopes[c](way) - shared[c]) + height * hills[c](way)
-            at = np.arange(n)
             force[c] = np.interp(at, joints, push) + against(speed[c]) * np.interp(at, joints, friction)
         days.append(Disturbance(force, dry))
     return days

@@ -168,7 +168,7 @@ class _Diagnosing:
         say("estimating the missing forces")
         forces = self.forces(free, split.learn)
         maps = draw_maps(forces)
-        proving = Proving(self.runs, split, self.topology, free, self.pool, say)
+        proving = Proving(self.runs, split, self.topology, free, self.bench, self.pool, say)
         found = search(
             self.bench,
             free,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.stats import f as snedecor
@@ -69,6 +69,32 @@ class Proof:
         return self.learnt > self.least and (seen or self.after < _BETTER * self.before)
 
 
+# the effects and places of some findings
+_Names = frozenset[tuple[str, str]]
+
+
+@dataclass(frozen=True, eq=False)
+class Judges:
+    """Where drives are compared, and what was fitted there.
+
+    Attributes
+    ----------
+    bench
+        Of the recordings learnt from, around one model; ``None`` where there is one view only.
+    fitted
+        Findings to the drive with them.
+    compared
+        Findings to the drive fitted where residuals are compared, and its cost.
+    small
+        Findings to whether their effects are too small for a plain fit.
+    """
+
+    bench: Workbench | None
+    fitted: dict[_Names, Mapping[str, float]] = field(default_factory=dict)
+    compared: dict[_Names, tuple[Mapping[str, float], float]] = field(default_factory=dict)
+    small: dict[_Names, bool] = field(default_factory=dict)
+
+
 class Proving:
     """Findings on trial.
 
@@ -76,6 +102,8 @@ class Proving:
     ----------
     free
         The free fit's parameters.
+    searched
+        The workbench of the search.
     """
 
     def __init__(
@@ -84,49 +112,45 @@ class Proving:
         split: Split,
         topology: Topology,
         free: Mapping[str, float],
+        searched: Workbench,
         pool: Executor,
         say: Progress,
     ) -> None:
         self.runs, self.split, self.topology, self.names = runs, split, topology, topology.free
         self.free, self.pool, self.say = free, pool, say
-        self.bench = Workbench([prepare(r) for r in split.learn], pool, parts=split.parts)
-        # by names of findings: what was fitted once
-        self._fitted: dict[frozenset[tuple[str, str]], Mapping[str, float]] = {}
-        self._compared: dict[frozenset[tuple[str, str]], tuple[Mapping[str, float], float]] = {}
-        # whether their effects are too small for a plain fit
-        self._small: dict[frozenset[tuple[str, str]], bool] = {}
+        self.searched = searched
+        self.bench = Workbench(searched.runs, pool, parts=split.parts)
 
-    def fitted(
-        self, steps: Sequence[Step], start: Mapping[str, float], judges: Workbench | None
-    ) -> Mapping[str, float]:
+    def fitted(self, steps: Sequence[Step], start: Mapping[str, float], judges: Judges) -> Mapping[str, float]:
         """Return the drive with these findings, fitted to what was learnt from; ``start`` has at least their parameters.
 
         Everything is fitted plainly, if the effects so keep what they explain where residuals are compared. What is small among
         plain residuals does not: such effects keep the sizes of the fit among comparable ones.
         """
-        if _key(steps) in self._fitted:
-            return self._fitted[_key(steps)]
+        names = _names(steps)
+        if names in judges.fitted:
+            return judges.fitted[names]
         keys = [k for s in steps for k in keys_of(s)]
         kept, self.bench.offsets = self.bench.offsets, self._offsets(steps)
-        seen = start if judges is None else self.compared(judges, steps, start)[0]
+        seen = start if judges.bench is None else self.compared(judges, steps, start)[0]
         # what a drive has next to an effect may be far from what it has without
         begin = min((self._begin(steps, seen, own) for own in (seen, self.free)), key=self._error)
-        values = dict(polished(self.bench, begin, [*self.names, *keys]))
-        self._small[_key(steps)] = judges is not None and bool(keys) and self._lost(judges, steps, start, values)
-        if self._small[_key(steps)]:
-            values = dict(polished(self.bench, begin, self.names))
+        values = polished(self.bench, begin, [*self.names, *keys])
+        lost = judges.bench is not None and bool(keys) and self._lost(judges, steps, start, values)
+        if lost:
+            values = polished(self.bench, begin, self.names)
         self.bench.offsets = kept
-        self._fitted[_key(steps)] = values
+        judges.small[names], judges.fitted[names] = lost, values
         return values
 
     def _lost(
-        self, judges: Workbench, steps: Sequence[Step], start: Mapping[str, float], values: Mapping[str, float]
+        self, judges: Judges, steps: Sequence[Step], start: Mapping[str, float], values: Mapping[str, float]
     ) -> bool:
         """Whether effects with the sizes of a plain fit explain less than they can, by more than a share."""
-        most = self.compared(judges, (), self.free)[1] - self.compared(judges, steps, start)[1]
-        fit = refit(judges, values, self.names, iterations=3, view="comparable")
-        cost = float(np.sum(judges.comparable(judges.residual(fit.values)) ** 2))
-        return self.compared(judges, (), self.free)[1] - cost < _KEPT * most
+        assert judges.bench is not None
+        (_, bare), (_, best) = self.compared(judges, (), self.free), self.compared(judges, steps, start)
+        plain = refit(judges.bench, values, self.names, iterations=3, view="comparable")
+        return bare - _cost(judges.bench, plain.values) < _KEPT * (bare - best)
 
     def _begin(self, steps: Sequence[Step], start: Mapping[str, float], own: Mapping[str, float]) -> dict[str, float]:
         """Return a drive with effects as in ``start`` and everything else as in ``own``."""
@@ -152,97 +176,92 @@ class Proving:
         An effect that is there has much the same size in every recording; one that fits a chance of some has not, and its
         interval, from the spread between recordings, holds its absence.
         """
-        judges = self.judges(found.model.values, found) if steps else None
+        judges = self.judges(found.model.values) if steps else Judges(None)
         while True:
             proofs, free, everything = self.proven(found, steps, judges)
             self.say("fitting all recordings")
-            drive = self.final(everything, [p.step for p in proofs])
-            steps = [p.step for p in proofs if _differs(p.step, drive)]
+            steps = [p.step for p in proofs]
+            drive = self.final(everything, steps, small=judges.small.get(_names(steps), False))
+            steps = [s for s in steps if _differs(s, drive)]
             if len(steps) == len(proofs):
                 return proofs, free, everything, drive
 
     def proven(
-        self, found: Search, steps: Sequence[Step], judges: Workbench | None
+        self, found: Search, steps: Sequence[Step], judges: Judges
     ) -> tuple[list[Proof], Mapping[str, float], Mapping[str, float]]:
         """Return those of the findings that hold on recordings kept away, the free drive and the diagnosed one.
 
         A finding holds if the drive with all findings predicts those recordings better than the drive refitted without it.
         """
-        free = self.fitted((), self.free, judges)
+        free, start = self.fitted((), self.free, judges), found.model.values
         steps = list(steps)
         while True:
-            everything = self.fitted(steps, found.model.values, judges) if steps else free
-            proofs = [
-                self.proof(step, [s for s in steps if s is not step], found.model.values, judges) for step in steps
-            ]
+            proofs = [self.proof(step, [s for s in steps if s is not step], start, judges) for step in steps]
             failed = [p for p in proofs if not p.holds]
             if not failed:
-                return proofs, free, everything
+                return proofs, free, self.fitted(steps, start, judges)
             # the one without which recordings kept away are predicted best
             steps.remove(min(failed, key=lambda p: p.before).step)
 
-    def stands(self, bench: Workbench, steps: Sequence[Step], step: Step, start: Mapping[str, float]) -> bool:
-        """Return whether a finding holds next to those before it; ``bench`` is that of the search."""
+    def stands(self, steps: Sequence[Step], step: Step, start: Mapping[str, float]) -> bool:
+        """Return whether a finding of the search holds next to those before it, in the round in which it was made."""
+        bench = self.searched
         here, bench.offsets = bench.offsets, self._offsets([*steps, step])
-        # judged by another bench in every round
-        self._fitted.clear()
-        self._compared.clear()
-        holds = self.proof(step, steps, start, None if bench.parts else bench).holds
+        holds = self.proof(step, steps, start, Judges(None if bench.parts else bench)).holds
         bench.offsets = here
-        self._fitted.clear()
-        self._compared.clear()
         return holds
 
-    def judges(self, values: Mapping[str, float], found: Search) -> Workbench | None:
-        """Return a workbench of what was learnt from, on which drives are compared; ``None`` where there is one view only."""
-        if self.bench.parts or found.known is None:
-            return None
+    def judges(self, values: Mapping[str, float]) -> Judges:
+        """Return where drives are compared, around a drive."""
+        if self.bench.parts:
+            return Judges(None)
         bench = Workbench(self.bench.runs, self.pool)
-        bench.offsets, bench.known = place(values, self.split.learn, self.pool), found.known
+        bench.offsets, bench.known = place(values, self.split.learn, self.pool), self.searched.known
         settle(bench, values, self.names)
-        self._fitted.clear()
-        self._compared.clear()
-        return bench
+        return Judges(bench)
 
     def compared(
-        self, judges: Workbench, steps: Sequence[Step], start: Mapping[str, float]
+        self, judges: Judges, steps: Sequence[Step], start: Mapping[str, float]
     ) -> tuple[Mapping[str, float], float]:
         """Return a drive fitted where residuals are compared, and its cost: what is small is not found by a plain fit."""
-        if _key(steps) not in self._compared:
-            names = [*self.names, *(k for s in steps for k in keys_of(s))]
+        names, bench = _names(steps), judges.bench
+        assert bench is not None
+        if names not in judges.compared:
             begins = [self._begin(steps, start, own) for own in (start, self.free)]
-            costs = [float(np.sum(judges.comparable(judges.residual(v)) ** 2)) for v in begins]
-            fit = refit(judges, begins[int(np.argmin(costs))], names, iterations=4, view="comparable")
-            cost = float(np.sum(judges.comparable(judges.residual(fit.values)) ** 2))
-            self._compared[_key(steps)] = fit.values, cost
-        return self._compared[_key(steps)]
+            begin = min(begins, key=lambda values: _cost(bench, values))
+            keys = [k for s in steps for k in keys_of(s)]
+            fit = refit(bench, begin, [*self.names, *keys], iterations=4, view="comparable")
+            judges.compared[names] = fit.values, _cost(bench, fit.values)
+        return judges.compared[names]
 
-    def proof(self, step: Step, others: Sequence[Step], start: Mapping[str, float], judges: Workbench | None) -> Proof:
+    def proof(self, step: Step, others: Sequence[Step], start: Mapping[str, float], judges: Judges) -> Proof:
         """Return what a finding removes next to others: the drive fitted without it against that with it."""
-        without, everything = (self.fitted(some, start, judges) for some in (others, [*others, step]))
+        both = (others, [*others, step])
+        without, everything = (self.fitted(some, start, judges) for some in both)
         kept = self.split.prove or self.split.learn
         before, after, _ = total(velocity_fits(without, everything, kept, self.runs, self.pool, held_out=True))
         low, high, _ = total(velocity_fits(without, everything, self.split.learn, self.runs, self.pool, held_out=False))
-        if judges is None or step.view == "weighted":
+        if judges.bench is None or step.view == "weighted":
             learnt, proven = (
                 gain_on(some, without, everything, self.pool, parts=self.split.parts, view=step.view)
                 for some in (self.split.learn, kept)
             )
         else:
-            (bare, worst), (whole, least) = (self.compared(judges, some, start) for some in (others, [*others, step]))
-            learnt = 1.0 - least / worst
-            proven = gain_on(kept, bare, whole, self.pool, parts=False, view=step.view)
-        least_share = _LEARNT_PLAINLY if judges is None else _LEARNT
-        return Proof(step, before, after, max(1.0 - (high / low) ** 2, learnt), learnt, proven, least_share)
+            (bare, worst), (whole, best) = (self.compared(judges, some, start) for some in both)
+            learnt, proven = 1.0 - best / worst, gain_on(kept, bare, whole, self.pool, parts=False, view=step.view)
+        share = max(1.0 - (high / low) ** 2, learnt)
+        return Proof(step, before, after, share, learnt, proven, _LEARNT_PLAINLY if judges.bench is None else _LEARNT)
 
-    def final(self, values: Mapping[str, float], steps: Sequence[Step]) -> Drive:
-        """Return the drive fitted to all open-loop recordings, with intervals from the spread between recordings."""
+    def final(self, values: Mapping[str, float], steps: Sequence[Step], *, small: bool) -> Drive:
+        """Return the drive fitted to all open-loop recordings, with intervals from the spread between recordings.
+
+        ``small`` effects are fitted where they are seen, and the drive with them.
+        """
         runs = (*self.split.learn, *self.split.prove)
         bench = Workbench([prepare(r) for r in runs], self.pool)
         bench.offsets = place(values, runs, self.pool)
         names = [*self.names, *(k for s in steps for k in keys_of(s))]
-        if self._small.get(_key(steps), False):
-            # effects are fitted where they are seen
+        if small:
             absorb(bench, values)
             values = refit(bench, values, names, iterations=5, view="comparable").values
         else:
@@ -271,8 +290,13 @@ class Proving:
         )
 
 
-def _key(steps: Sequence[Step]) -> frozenset[tuple[str, str]]:
+def _names(steps: Sequence[Step]) -> _Names:
     return frozenset(s.rival.name for s in steps)
+
+
+def _cost(bench: Workbench, values: Mapping[str, float]) -> float:
+    """Return the comparable squared error of a drive."""
+    return float(np.sum(bench.comparable(bench.residual(values)) ** 2))
 
 
 def keys_of(step: Step) -> tuple[str, ...]:

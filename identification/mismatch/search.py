@@ -13,7 +13,7 @@ from identification.mismatch.refit import Fit
 from identification.mismatch.rounds import Progress, Rival, Stage, Starts, passes, stage
 from identification.mismatch.settle import settle
 from identification.mismatch.shapes import Shape, free_shapes
-from identification.mismatch.workbench import Columns, View, Workbench
+from identification.mismatch.workbench import View, Workbench
 from identification.topology import Topology
 
 # once something is certainly left out, which effect it is is decided among all that chance would reach more rarely than this
@@ -51,20 +51,19 @@ class Step:
     view: View
 
 
-# workbench of the search, findings before, a finding, start values: whether it holds on recordings kept away
-Stands = Callable[[Workbench, Sequence[Step], Step, Mapping[str, float]], bool]
+# findings before, a finding, start values: whether it holds on recordings kept away
+Stands = Callable[[Sequence[Step], Step, Mapping[str, float]], bool]
 
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """All rounds: what was taken up, and where it ended; what the workbench knows of nuisance."""
+    """All rounds: what was taken up, and where it ended."""
 
     steps: tuple[Step, ...]
     model: Fit
     stages: tuple[Stage, ...] = field(repr=False)
     first_shapes: tuple[Shape, ...] = field(repr=False)
     last_shapes: tuple[Shape, ...] = field(repr=False)
-    known: tuple[float, Columns] | None = field(repr=False, default=None)
 
     @property
     def last(self) -> Stage:
@@ -112,7 +111,7 @@ def search(
         if len(stages) == 1:
             say("free shapes")
             shapes_found = first_shapes = _shapes(bench, now)
-        step = _proven(bench, now, drive_level, steps, stands) if len(steps) < MOST_EFFECTS else None
+        step = _proven(now, drive_level, steps, stands) if len(steps) < MOST_EFFECTS else None
         if step is None:
             break
         best = step.rival
@@ -123,10 +122,10 @@ def search(
     if len(stages) > 1:
         say("free shapes")
         shapes_found = _shapes(bench, stages[-1])
-    return Search(tuple(steps), model, tuple(stages), first_shapes, shapes_found, bench.known)
+    return Search(tuple(steps), model, tuple(stages), first_shapes, shapes_found)
 
 
-def _proven(bench: Workbench, now: Stage, drive_level: float, steps: Sequence[Step], stands: Stands) -> Step | None:
+def _proven(now: Stage, drive_level: float, steps: Sequence[Step], stands: Stands) -> Step | None:
     """Return the best finding of a round that holds on recordings kept away, if one of the first does."""
     rivals = now.rivals
     for _ in range(MOST_TRIED):
@@ -135,7 +134,7 @@ def _proven(bench: Workbench, now: Stage, drive_level: float, steps: Sequence[St
             return None
         ties = [r for r in rivals if r is not best and _ties(now, r, best)]
         step = Step(best, _foremost(ties, best), best.probability, now.view)
-        if stands(bench, steps, step, best.fit.values):
+        if stands(steps, step, best.fit.values):
             return step
         rivals = tuple(r for r in rivals if r is not best)
     return None

@@ -1,7 +1,5 @@
 """A controller does the same however it is run: compiled, for many drives at once, or called sample by sample."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 
@@ -11,6 +9,7 @@ from baselines.running import run_many
 from flexdrive_gym import DEFAULT_DRIVE, LinearController
 from flexdrive_gym.references import handout_trajectory
 from flexdrive_gym.task import Task
+from tests.called import Called
 
 T = np.arange(1200) * 1e-3
 XR = handout_trajectory(T)
@@ -21,19 +20,6 @@ DRIVES = [
     DEFAULT_DRIVE.replace({"stribeck.cart_1.extra": 0.15}),
 ]
 TASK = Task("non_collocated", normalise=True)
-
-
-@dataclass
-class Called:
-    """Hides what a controller is, so that it is called sample by sample."""
-
-    inner: object
-
-    def reset(self):
-        self.inner.reset()
-
-    def __call__(self, observation):
-        return self.inner(observation)
 
 
 class Network:

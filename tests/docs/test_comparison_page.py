@@ -1,22 +1,14 @@
 """The example in docs/comparison.md runs and shows what the page says."""
 
-import contextlib
-import io
-import re
-from pathlib import Path
-
 from baselines.compare import UNSEEN
 from baselines.compare.entries import PREVIEWED
+from tests.docs.pages import printed, read
 
-PAGE = (Path(__file__).parents[2] / "docs" / "comparison.md").read_text(encoding="utf-8")
+PAGE = read("docs/comparison.md")
 
 
 def test_the_sweep_finds_lab_4s_response():
-    code = re.search(r"```python\n(.*?)```", PAGE, re.DOTALL).group(1)
-    out = io.StringIO()
-    with contextlib.redirect_stdout(out):
-        exec(compile(code, "docs/comparison.md", "exec"), {})
-    assert out.getvalue().strip() == "True"
+    assert printed("docs/comparison.md").strip() == "True"
 
 
 def test_references_and_previewed_designs_are_named():

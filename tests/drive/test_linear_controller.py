@@ -1,13 +1,12 @@
 """A linear controller is one thing: called in Python, compiled, batched."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 
 from flexdrive_gym import Covariance, Drive, LinearController, PControl
 from flexdrive_gym.drive.linear_controller import run_batch
 from flexdrive_gym.references import handout_trajectory
+from tests.called import Called
 from tests.drive.drives import FRICTIONLESS, RIG
 
 T = np.arange(2001) * 1e-3
@@ -30,19 +29,6 @@ def dynamic(**more):
         L=np.array([0.0, 0.02]),
         **{"limit": 2.0, "friction": 0.3, "threshold": 8.0, "shaper": ((0, 0.6), (37, 0.4)), **more},
     )
-
-
-@dataclass
-class Called:
-    """Hides what a controller is, so that it is called sample by sample."""
-
-    inner: object
-
-    def reset(self):
-        self.inner.reset()
-
-    def __call__(self, observation):
-        return self.inner(observation)
 
 
 def test_static_gain_is_p_control():
