@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from baselines.payoff import P_HALF, Outcome, Payoff
+from baselines.payoff import AHEAD, P_HALF, Outcome, Payoff
 
 
 @dataclass(frozen=True)
@@ -143,18 +143,28 @@ def tables(rows: Sequence[Row]) -> tuple[Table, Table]:
     """Return the summary as two tables, each columns and rows: tracking and what the diagnosis pays, and margins on the rig."""
     drives, ratios = (tuple(rows[0].drives), tuple(rows[0].ratios)) if rows else ((), ())
     tracking = [
-        (r.design, *(f"{r.drives[d].rms:.2f}" for d in drives), *(str(r.ratios[q]) for q in ratios)) for r in rows
+        (_words(r.design), *(f"{r.drives[d].rms:.2f}" for d in drives), *(str(r.ratios[q]) for q in ratios))
+        for r in rows
     ]
-    margins = []
-    for row in rows:
-        of = [row.drives[d] for d in drives]
-        margins.append(
-            (
-                row.design,
-                *(f"{f.margin:.2f}, {f.worst_margin:.2f}, {f.broken_promise.value:.1%}, {f.stable:.0%}" for f in of),
-            )
+    margins = [
+        (
+            _words(row.design),
+            drive,
+            *(f"{own.margin:.2f}", f"{own.worst_margin:.2f}", f"{own.broken_promise.value:.1%}", f"{own.stable:.0%}"),
         )
+        for row in rows
+        # the command that is learnt leaves the loop as it is
+        if not row.design.endswith(AHEAD)
+        for drive, own in row.drives.items()
+    ]
     return (
         (("design", *(f"rms on the {d} drive [mm]" for d in drives), *(f"rms {q}" for q in ratios)), tracking),
-        (("gain margin on the rig: median, worst, off its promise, stable", *drives), margins),
+        (("design", "made on", "median gain margin", "smallest", "off its promise", "stable on the rig"), margins),
     )
+
+
+def _words(made: str) -> str:
+    """Return a design's name in the registry, and what was done with it."""
+    if made == P_HALF:
+        return "p_x2 at half the predicted critical gain"
+    return f"{made.removesuffix(AHEAD)}, learnt command" if made.endswith(AHEAD) else made

@@ -98,7 +98,7 @@ def _loops(paid: Sequence[Row]) -> Section:
         section.text(
             "Controllers designed on the handout's tied fit, on the free fit and on the diagnosed drive, each run on the "
             "concealed rig under the same nuisance, three times the handout's trajectory of 8 s. Ratios are paired by rig; below "
-            "1 the diagnosis pays. lab4_ahead adds the command that the drive with all its named physics asks for."
+            "1 the diagnosis pays. A learnt command is the one that the drive with all its named physics asks for."
         )
         for columns, rows in tables(paid):
             section.table(columns, rows)

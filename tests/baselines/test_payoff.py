@@ -91,12 +91,13 @@ def test_ratios_are_paired_and_refusals_counted():
 
 
 def test_the_tables_say_by_how_much():
-    (columns, (row,)), (_, (margins,)) = tables(summary([case(1.0, 2.0), case(3.0, 4.0)]))
+    (columns, (row,)), (_, margins) = tables(summary([case(1.0, 2.0), case(3.0, 4.0)]))
     said = dict(zip(columns, row, strict=True))
     assert said["rms on the diagnosed drive [mm]"] == "2.00"
     assert said["rms on the free drive [mm]"] == "3.00"
     assert said["rms diagnosed/free"].startswith("0.625")
-    assert margins[0] == "p_x2_half"
+    assert [made_on for _, made_on, *_ in margins] == ["free", "diagnosed"]
+    assert {design for design, *_ in margins} == {"p_x2 at half the predicted critical gain"}
 
 
 def p_agent(gain):
