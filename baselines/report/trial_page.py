@@ -98,7 +98,9 @@ def _loops(paid: Sequence[Row]) -> Section:
         section.text(
             "Controllers designed on the handout's tied fit, on the free fit and on the diagnosed drive, each run on the "
             "concealed rig under the same nuisance, three times the handout's trajectory of 8 s. Ratios are paired by rig; below "
-            "1 the diagnosis pays. A learnt command is the one that the drive with all its named physics asks for."
+            "1 the diagnosis pays. A learnt command is what the drive with all its named physics asks for. Whether a loop is "
+            "stable is seen on the rig as it is; margins are those without its dry friction, on which no design may lean, but "
+            "for P-control, whose critical gain is a matter of friction."
         )
         for columns, rows in tables(paid):
             section.table(columns, rows)
