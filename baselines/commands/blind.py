@@ -41,7 +41,7 @@ def blind(
     from baselines.report.trial_page import build_trial_page  # noqa: PLC0415
     from baselines.trial.judge import judge  # noqa: PLC0415
     from baselines.trial.plan import plan  # noqa: PLC0415
-    from baselines.trial.study import conduct_study, outcomes, settings  # noqa: PLC0415
+    from baselines.trial.study import conduct_study, outcomes, pack, settings  # noqa: PLC0415
     from baselines.trial.summary import summarise  # noqa: PLC0415
     from flexdrive_gym.files import write_atomically  # noqa: PLC0415
 
@@ -61,6 +61,7 @@ def blind(
                 scheduler=scheduler,
                 progress=lambda done, total: bar.update(task, completed=done, total=total),
             )
+    packed = pack(output, found)
     judged = [judge(outcome) for outcome in found]
     summary = summarise(judged)
     paid = payoff_rows([Payoff.from_json(outcome["payoff"]) for outcome in found if outcome["payoff"]])
@@ -81,7 +82,7 @@ def blind(
     for title, (columns, rows) in zip(("tracking on the concealed rigs", "margins on them"), tables(paid), strict=True):
         if rows:
             table(title, columns, rows)
-    say(f"wrote {page}; truths in {output / 'sealed'}, outcomes in {output / 'trials'}")
+    say(f"wrote {page} and {packed}")
 
 
 def print_summary(summary: Summary) -> None:

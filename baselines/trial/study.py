@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import gzip
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,8 @@ from baselines.trial.plan import Trial, plan
 from flexdrive_gym.files import write_atomically
 
 _DECIDES = ("baselines/blind", "identification", "flexdrive_gym")
+# all outcomes of a study in one file, a line each
+PACKED = "outcomes.jsonl.gz"
 
 
 def engine() -> str:
@@ -86,9 +89,20 @@ def settings(folder: Path) -> Mapping[str, Any]:
 
 
 def outcomes(folder: Path, trials: tuple[Trial, ...]) -> list[Mapping[str, Any]]:
-    """Return the outcomes that there are, in order."""
+    """Return the outcomes that there are, in order; without single ones those that were packed."""
     files = [opened(folder, t.number) for t in trials]
-    return [json.loads(f.read_text()) for f in files if f.exists()]
+    found = [json.loads(f.read_text()) for f in files if f.exists()]
+    packed = folder / PACKED
+    if found or not packed.exists():
+        return found
+    return [json.loads(line) for line in gzip.decompress(packed.read_bytes()).splitlines()]
+
+
+def pack(folder: Path, found: Sequence[Mapping[str, Any]]) -> Path:
+    """Write outcomes, truths with their hashes included, into one file, from which :func:`outcomes` reads them again."""
+    lines = "".join(json.dumps(outcome) + "\n" for outcome in found)
+    # without a time stamp: the same outcomes are the same file
+    return write_atomically(folder / PACKED, gzip.compress(lines.encode(), mtime=0))
 
 
 def _enter(folder: Path, wanted: Mapping[str, object]) -> None:

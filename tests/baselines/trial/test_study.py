@@ -121,3 +121,12 @@ def test_a_study_tells_what_it_has_so_far(quick, tmp_path):
     assert result.exit_code == 0, result.output
     assert json.loads(result.stdout)["summary"]["trials"] == 3
     assert "--trials 4 --seed 0" in (tmp_path / "trial.html").read_text()
+
+
+def test_a_study_is_told_from_its_packed_outcomes(quick, tmp_path):
+    found = study.conduct_study(tmp_path / "all", 3, backend="sequential")
+    study.pack(tmp_path / "packed", found)
+    assert study.outcomes(tmp_path / "packed", plan(3)) == found
+    first = (tmp_path / "packed" / study.PACKED).read_bytes()
+    study.pack(tmp_path / "packed", found)
+    assert (tmp_path / "packed" / study.PACKED).read_bytes() == first
