@@ -27,6 +27,8 @@ _REFITS = 5
 _SECOND_STARTS = 1
 # of the greatest surprise among plain residuals: what comes this near is refitted, too
 _NEARLY = 0.5
+# what explains this share is worth comparing with its look-alikes
+_WORTH_A_LOOK = 0.02
 # waves within the longest way that make a repetition: where all runs share their place, and where each began anywhere
 _WAVES, _WAVES_APART = 1.5, 1.0
 
@@ -158,6 +160,7 @@ def stage(
     for s in chosen:
         say(f"refitting with {s.candidate.id} ({s.candidate.where})")
         tried.append(_rival(bench, model, s, raw, starts.get(s.candidate.name)))
+    tried += [_beside(bench, model, s, first) for first, s in _alike(tried, screened)]
     best: dict[tuple[str, str], Rival] = {}
     for r in (r for r in tried if _repeats(bench, r)):
         if r.name not in best or r.fit.cost < best[r.name].fit.cost:
@@ -197,15 +200,18 @@ def _prospects(views: Mapping[View, Sequence[Screened]]) -> dict[tuple[str, str]
 
 
 def _repeats(bench: Workbench, rival: Rival) -> bool:
-    """Whether the way holds enough waves of an effect to call it repeating; any smooth force is a piece of a long wave."""
-    period = rival.candidate.period
-    if period is None:
+    """Whether the way holds enough waves of an effect to call it repeating; any smooth force is a piece of a long wave.
+
+    Friction along the track need not repeat to be that: its slope is a part of the effect.
+    """
+    c = rival.candidate
+    if c.period is None or any(key.endswith(".slope") for key in c.keys):
         return True
     if bench.parts:
         track = np.concatenate([run.track for run in bench.runs], axis=1)
-        return _WAVES * rival.fit.values[period] <= float(np.max(np.ptp(track, axis=1)))
+        return _WAVES * rival.fit.values[c.period] <= float(np.max(np.ptp(track, axis=1)))
     way = max(float(np.max(np.ptp(run.track, axis=1))) for run in bench.runs)
-    return _WAVES_APART * rival.fit.values[period] <= way
+    return _WAVES_APART * rival.fit.values[c.period] <= way
 
 
 def passes(rival: Rival) -> bool:
@@ -268,14 +274,47 @@ def _rival(
         keys = _align(bench, model, c, dict(fit.values), raw)
         again = refit(bench, fit.values, (*model.names, *keys), iterations=3, fresh=keys, known=model)
         fit = min(fit, again, key=lambda f: f.cost)
-    if len(bench.views) > 1:
-        fit = _in_both_views(bench, model, fit, start, keys)
+    fit = _in_both_views(bench, model, fit, start, keys)
     offsets, bench.offsets = bench.offsets, here
     return Rival(s, fit, offsets, tuple(max(fit.beside(model, view), 0.0) for view in bench.views))
 
 
+def _alike(tried: Sequence[Rival], screened: Sequence[Screened]) -> list[tuple[Rival, Screened]]:
+    """Return what is known to look like the rival that explains most, with that rival."""
+    first = max(tried, key=lambda r: max(r.gains), default=None)
+    if first is None or max(first.gains) < _WORTH_A_LOOK or first.candidate.period is not None:
+        return []
+    own = first.candidate
+    looks = {e.id for e in EFFECTS if own.id in e.looks_like} | {
+        i for e in EFFECTS if e.id == own.id for i in e.looks_like
+    }
+    # what acts on the other cart does not look like it
+    same = {s.candidate.where for s in screened if not s.candidate.where.startswith("cart")} | {own.where}
+    found = [s for s in best_of_each(screened) if s.candidate.id in looks and s.candidate.where in same]
+    return [(first, s) for s in found if s.candidate.period is None]
+
+
+def _beside(bench: Workbench, model: Fit, s: Screened, first: Rival) -> Rival:
+    """Refit a candidate from where another one ended: beyond a ridge that its own start may not cross.
+
+    It begins with the other's drive, and with its sizes where a parameter has the same name.
+    """
+    others = {k.rpartition(".")[2]: first.fit.values[k] for k in first.candidate.keys}
+    start = {k: v for k, v in first.fit.values.items() if k in model.values}
+    start |= dict(s.candidate.shapes)
+    for key, size in s.candidate.sizes:
+        low, high = bounds(key)
+        start[key] = float(np.clip(others.get(key.rpartition(".")[2], size), low, high))
+    keys = s.candidate.keys
+    fit = refit(bench, start, (*model.names, *keys), iterations=6, fresh=keys, known=model)
+    fit = _in_both_views(bench, model, fit, start, keys)
+    return Rival(s, fit, bench.offsets, tuple(max(fit.beside(model, view), 0.0) for view in bench.views))
+
+
 def _in_both_views(bench: Workbench, model: Fit, plain: Fit, start: Mapping[str, float], keys: Sequence[str]) -> Fit:
     """Refit where residuals are compared, too, from the plain fit or from the start; each view keeps its own best."""
+    if len(bench.views) == 1:
+        return plain
     names = (*model.names, *keys)
     begin = plain.values if plain.cost < model.cost else start
     sharp = refit(bench, begin, names, iterations=4, fresh=keys, known=model, view="comparable")

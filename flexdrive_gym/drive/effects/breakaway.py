@@ -20,7 +20,7 @@ EFFECT = Effect(
     id="breakaway",
     where=("cart_1", "cart_2"),
     equation="|F| ≤ d + extra at v = 0",
-    parameters=(Parameter("extra", "V", 0.0, 0.0, 4.0, "static level over the kinetic one", (0.06, 0.15)),),
+    parameters=(Parameter("extra", "V", 0.0, 0.0, 4.0, "static level over the kinetic one", (0.06, 0.15, 0.4)),),
     hooks={"breakaway": _breakaway},
     tells_itself_by="holds, then jumps",
     looks_like=("stribeck", "dead_zone"),

@@ -44,9 +44,9 @@ def judged(recordings, pool):
 def test_a_planted_effect_comes_first(name, effect):
     with ThreadPoolExecutor(2) as pool:
         *_, views = judged(short_day(effect), pool)
-    first = best_of_each(views["comparable"])[0]
-    assert first.candidate.name == name
-    assert first.gain > 0.05
+    assert best_of_each(views["comparable"])[0].candidate.name == name
+    # of plain residuals it explains most
+    assert max(s.gain for s in views["weighted"] if s.candidate.name == name) > 0.5
 
 
 def test_null_draws_are_calibrated():

@@ -1,0 +1,49 @@
+"""A round refits what leads, and what looks like it from where the leader ended."""
+
+from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from identification.mismatch import rounds
+from identification.mismatch.candidates import catalogue
+from identification.mismatch.settle import settle
+from identification.topology import TWO_CARTS
+from tests.drive.drives import RIG
+from tests.identification.mismatch.lab import short_day, workbench
+
+SOME = {"stribeck", "breakaway", "quadratic_drag", "dead_zone", "coulomb_asymmetry"}
+
+
+@pytest.fixture
+def few(monkeypatch):
+    """A catalogue of what looks like friction at rest."""
+    monkeypatch.setattr(rounds, "catalogue", lambda *a: [c for c in catalogue(*a) if c.id in SOME])
+
+
+def test_a_look_alike_is_refitted_from_where_the_leader_ended(few):
+    """A breakaway several times its usual size is far from any drive without one; a low-speed hump is on the way."""
+    with ThreadPoolExecutor(2) as pool:
+        bench = workbench(short_day({"breakaway.cart_1.extra": 1.2}), pool)
+        model = settle(bench, RIG, TWO_CARTS.free)
+        found = rounds.stage(bench, model, TWO_CARTS, np.random.default_rng(0), {}, {})
+    rival = next(r for r in found.rivals if r.name == ("breakaway", "cart_1"))
+    assert rival.fit.values["breakaway.cart_1.extra"] == pytest.approx(1.2, rel=0.15)
+    assert rival.gain > 0.95 * found.rivals[0].gain
+
+
+@pytest.mark.parametrize(
+    ("effect", "where", "period", "repeats"),
+    [
+        ("cogging", "drivetrain", 30.0, True),
+        ("cogging", "drivetrain", 90.0, False),
+        ("position_friction", "cart_2", 90.0, True),
+        ("stribeck", "cart_1", None, True),
+    ],
+)
+def test_what_is_said_to_repeat_does_within_the_way(effect, where, period, repeats):
+    candidate = next(c for c in catalogue() if c.name == (effect, where))
+    runs = [SimpleNamespace(track=np.array([[0.0, 60.0], [0.0, 50.0]]))]
+    rival = SimpleNamespace(candidate=candidate, fit=SimpleNamespace(values={candidate.period: period}))
+    assert rounds._repeats(SimpleNamespace(runs=runs, parts=False), rival) is repeats
