@@ -71,6 +71,8 @@ class Summary:
         Broken encoders found; trials with a fault reported where there is none.
     over_floor
         Median of held-out rms over floor, before and after, where an effect was concealed.
+    null_over_floor
+        The same where nothing was: what nuisance alone makes, which no name can explain.
     gain_error
         Drive to the median relative error of its predicted critical gain, in trials that conceal an effect or an outsider.
     base, effects
@@ -99,6 +101,7 @@ class Summary:
     faults: Share | None
     false_faults: Share | None
     over_floor: tuple[float, float]
+    null_over_floor: float
     gain_error: Mapping[str, float]
     base: tuple[Accuracy, ...]
     effects: tuple[Accuracy, ...]
@@ -136,6 +139,7 @@ def summarise(trials: Sequence[Judged]) -> Summary:
         faults=share([i < t.faults_found for t in trials for i in range(t.faults)]),
         false_faults=share([t.false_faults > 0 for t in trials]),
         over_floor=(_median([t.before / t.floor for t in physics]), _median([t.after / t.floor for t in physics])),
+        null_over_floor=_median([t.before / t.floor for t in trials if t.nothing and not t.failed]),
         gain_error={drive: _median([_gain_error(t, drive) for t in physics]) for drive in DRIVES},
         base=_accuracy([k for t in trials for k in t.base]),
         effects=_accuracy([k for t in trials for k in t.effects]),
@@ -245,6 +249,7 @@ _AIMS: tuple[Aim, ...] = (
     ("trials with a fault reported where there is none", lambda s: s.false_faults, ""),
     ("median held-out rms over floor, before naming", lambda s: s.over_floor[0], ""),
     ("median held-out rms over floor, after naming", lambda s: s.over_floor[1], "≤ 1.1"),
+    ("median held-out rms over floor where nothing is concealed", lambda s: s.null_over_floor, ""),
     ("median error of the critical gain, handout's tied fit", lambda s: _percent(s.gain_error["tied"]), ""),
     ("median error of the critical gain, free fit", lambda s: _percent(s.gain_error["free"]), ""),
     ("median error of the critical gain, diagnosed drive", lambda s: _percent(s.gain_error["diagnosed"]), "≤ 5 %"),
