@@ -17,6 +17,9 @@ from identification.topology import TWO_CARTS, Topology
 # part of every topology, or of the measurement rather than of the rig
 _NOT_LEFT_OUT = frozenset({"viscous_friction", "spring", "encoder_quantisation"})
 
+# of a bound
+_NEAR = 1e-3
+
 
 @dataclass(frozen=True)
 class Candidate:
@@ -51,6 +54,10 @@ class Candidate:
     def keys(self) -> tuple[str, ...]:
         """All parameters of the effect at this place."""
         return tuple(k for k, _ in (*self.sizes, *self.shapes))
+
+    def vanishes(self, values: Mapping[str, float]) -> bool:
+        """Whether a drive has a shape at its lower bound, where it is another effect: a hump without width, stiff bristles."""
+        return any(values[key] < bounds(key)[0] * (1.0 + _NEAR) for key, _ in self.shapes)
 
     def directions(self, values: Mapping[str, float]) -> list[dict[str, float]]:
         """Return the drive with each size in turn at its start value, the others at their null."""

@@ -174,7 +174,7 @@ class Proving:
         """Return what :meth:`proven` does of the findings whose sizes differ from none, and the drive of all recordings.
 
         An effect that is there has much the same size in every recording; one that fits a chance of some has not, and its
-        interval, from the spread between recordings, holds its absence.
+        interval, from the spread between recordings, holds its absence. Nor has it a shape at its lower bound.
         """
         judges = self.judges(found.model.values) if steps else Judges(None)
         while True:
@@ -182,7 +182,7 @@ class Proving:
             self.say("fitting all recordings")
             steps = [p.step for p in proofs]
             drive = self.final(everything, steps, small=judges.small.get(_names(steps), False))
-            steps = [s for s in steps if _differs(s, drive)]
+            steps = [s for s in steps if _differs(s, drive) and not s.rival.candidate.vanishes(drive.values)]
             if len(steps) == len(proofs):
                 return proofs, free, everything, drive
 

@@ -153,8 +153,9 @@ def _choose(now: Stage, drive_level: float) -> Rival | None:
     That something is left out, and what, are two questions. The first is answered by the effect that goes furthest beyond its
     own usual luck; an effect that chance feeds more often may yet explain the recordings better. Dry friction comes before its
     refinements where the drive has none yet: a hump at low speed alone fits better than it, because a hump bends more ways.
+    What has a shape at its lower bound is another effect than it is called.
     """
-    rivals = [r for r in now.rivals if not _rough(r, drive_level)]
+    rivals = [r for r in now.rivals if not _rough(r, drive_level) and not r.candidate.vanishes(r.fit.values)]
     if not any(passes(r) for r in rivals):
         return None
     likely = [r for r in rivals if passes(r) or (r.probability <= PLAUSIBLE and r.candidate.period is None)]

@@ -47,3 +47,9 @@ def test_what_is_said_to_repeat_does_within_the_way(effect, where, period, repea
     runs = [SimpleNamespace(track=np.array([[0.0, 60.0], [0.0, 50.0]]))]
     rival = SimpleNamespace(candidate=candidate, fit=SimpleNamespace(values={candidate.period: period}))
     assert rounds._repeats(SimpleNamespace(runs=runs, parts=False), rival) is repeats
+
+
+@pytest.mark.parametrize(("width", "vanishes"), [(1.0, True), (1.1, False), (500.0, False)])
+def test_a_hump_without_width_is_no_hump(width, vanishes):
+    candidate = next(c for c in catalogue() if c.name == ("stribeck", "cart_1"))
+    assert candidate.vanishes({"stribeck.cart_1.vs": width}) is vanishes
