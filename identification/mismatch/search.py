@@ -132,7 +132,7 @@ def _proven(now: Stage, drive_level: float, steps: Sequence[Step], stands: Stand
         best = _choose(replace(now, rivals=rivals), drive_level)
         if best is None:
             return None
-        ties = [r for r in rivals if r is not best and _ties(now, r, best)]
+        ties = [r for r in rivals if r is not best and (_ties(now, r, best) or _as_good(r, best))]
         step = Step(best, _foremost(ties, best), best.probability, now.view)
         if stands(steps, step, best.fit.values):
             return step
@@ -172,6 +172,12 @@ def _ties(now: Stage, rival: Rival, best: Rival) -> bool:
     if rival.gain <= 0.5 * best.gain or rival.probability > PLAUSIBLE:
         return False
     return now.behind(rival, best) > TIE_LEVEL or rival.gain > TIE_GAIN * best.gain
+
+
+def _as_good(rival: Rival, best: Rival) -> bool:
+    """Whether a rival explains as much in the view in which the best explains more: the other may tell them apart by chance."""
+    view = int(np.argmax(best.gains))
+    return rival.probability <= PLAUSIBLE and rival.gains[view] > TIE_GAIN * best.gains[view]
 
 
 def _foremost(ties: Sequence[Rival], best: Rival) -> tuple[Rival, ...]:
