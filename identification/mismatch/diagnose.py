@@ -247,7 +247,8 @@ class _Diagnosing:
     def rhythm(self, found: Search) -> Unnamed | None:
         """Return a disturbance with a rhythm of its own, which no property of the drive can make."""
         commands = [r.excitation.frequency for r in self.split.learn]
-        line = strongest_line(self.bench, self.bench.residual(found.model.values), commands)
+        values = found.model.values
+        line = strongest_line(self.bench, self.bench.residual(values), commands, values)
         if line is None or line.share < _LINE_SHARE:
             return None
         acts = f"{line.frequency:.3g} Hz whatever the command: a disturbance from outside"

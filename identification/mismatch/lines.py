@@ -2,20 +2,21 @@ r"""Lines in the error's spectrum that the command did not make: something else 
 
 Everything a drive does to a periodic command repeats with it, whatever the physics. A force with a rhythm of its own (a fan, the
 mains, a neighbour) stands in every recording at the same frequency, with a phase of its own each time. In each recording the
-error's periodogram is divided by its local median, harmonics of the command left out; if nothing is there, every value is
-exponential, and the mean over K recordings and carts is gamma distributed. The probability is corrected for the number of
-frequencies looked at.
+error's periodogram is divided by what a force of all frequencies would make of the drive, whose resonance is no line, and by the
+local median of the rest, harmonics of the command left out. If nothing is there, every value is exponential, and the mean over K
+recordings and carts is gamma distributed. The probability is corrected for the number of frequencies looked at.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import median_filter
 from scipy.stats import gamma
 
+from flexdrive_gym import Drive
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.workbench import Workbench
 
@@ -46,7 +47,9 @@ class Line:
     probability: float
 
 
-def strongest_line(bench: Workbench, residual: FloatArray, commands: Sequence[float]) -> Line | None:
+def strongest_line(
+    bench: Workbench, residual: FloatArray, commands: Sequence[float], values: Mapping[str, float]
+) -> Line | None:
     """Return the strongest line of the block residuals, or ``None`` if chance would make one like it.
 
     Parameters
@@ -55,11 +58,14 @@ def strongest_line(bench: Workbench, residual: FloatArray, commands: Sequence[fl
         Block residuals, shape (N,).
     commands
         Frequency of every recording's command [Hz]; 0 where it does not repeat.
+    values
+        The drive's parameters.
     """
     step = max(run.block * run.sample_time for run in bench.runs)
     longest = max(bench.rows.blocks)
     grid = np.fft.rfftfreq(longest, step)
     use = (grid > LOWEST_HZ) & (grid < min(HIGHEST_HZ, 0.45 / step))
+    shaped = _resonance(values, grid)
     total, count = np.zeros((2, len(grid))), np.zeros((2, len(grid)))
     within, everything = np.zeros(len(grid)), 0.0
     for r, run in enumerate(bench.runs):
@@ -69,7 +75,7 @@ def strongest_line(bench: Workbench, residual: FloatArray, commands: Sequence[fl
                 continue
             window = np.hanning(len(e))
             power = np.abs(np.fft.rfft((e - e.mean()) * window, longest)) ** 2
-            level = median_filter(power, _MEDIAN_BINS) / np.log(2.0)
+            level = median_filter(power / shaped[c], _MEDIAN_BINS) * shaped[c] / np.log(2.0)
             free = np.ones(len(grid), dtype=bool)
             if commands[r] > 0.0:
                 # a Hann window is two bins wide on either side
@@ -94,3 +100,16 @@ def strongest_line(bench: Workbench, residual: FloatArray, commands: Sequence[fl
         float(max(within[best], 0.0) / max(everything, 1e-300)),
         probability,
     )
+
+
+def _resonance(values: Mapping[str, float], frequency: FloatArray) -> FloatArray:
+    """Return the power of each cart's velocity under forces of all frequencies on both, shape (2, frequencies), peaks 1."""
+    drive = Drive(values).linear
+    s = 2j * np.pi * np.maximum(frequency, LOWEST_HZ)
+    found = np.ones((2, len(s)))
+    carts = 1 if drive.rigid else 2
+    for row, x in zip(found[:carts], ("x1", "x2"), strict=False):
+        gains = [np.polyval(drive.numerator(x, d), s) / np.polyval(drive.denominator, s) for d in ("d1", "d2")[:carts]]
+        power = sum(np.abs(s * gain) ** 2 for gain in gains)
+        row[:] = np.maximum(power / np.max(power), _LEAST)
+    return found
