@@ -146,7 +146,7 @@ def tables(rows: Sequence[Row]) -> tuple[Table, Table]:
         (_words(r.design), *(f"{r.drives[d].rms:.2f}" for d in drives), *(str(r.ratios[q]) for q in ratios))
         for r in rows
     ]
-    margins = [
+    margins: list[tuple[str, ...]] = [
         (
             _words(row.design),
             drive,

@@ -17,6 +17,7 @@ from scipy.ndimage import median_filter
 from scipy.stats import gamma
 
 from flexdrive_gym import Drive
+from flexdrive_gym.drive.linear import Input, Output
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.workbench import Workbench
 
@@ -63,7 +64,7 @@ def strongest_line(
     """
     step = max(run.block * run.sample_time for run in bench.runs)
     longest = max(bench.rows.blocks)
-    grid = np.fft.rfftfreq(longest, step)
+    grid = np.asarray(np.fft.rfftfreq(longest, step), dtype=np.float64)
     use = (grid > LOWEST_HZ) & (grid < min(HIGHEST_HZ, 0.45 / step))
     shaped = _resonance(values, grid)
     total, count = np.zeros((2, len(grid))), np.zeros((2, len(grid)))
@@ -105,11 +106,11 @@ def strongest_line(
 def _resonance(values: Mapping[str, float], frequency: FloatArray) -> FloatArray:
     """Return the power of each cart's velocity under forces of all frequencies on both, shape (2, frequencies), peaks 1."""
     drive = Drive(values).linear
-    s = 2j * np.pi * np.maximum(frequency, LOWEST_HZ)
-    found = np.ones((2, len(s)))
-    carts = 1 if drive.rigid else 2
-    for row, x in zip(found[:carts], ("x1", "x2"), strict=False):
-        gains = [np.polyval(drive.numerator(x, d), s) / np.polyval(drive.denominator, s) for d in ("d1", "d2")[:carts]]
-        power = sum(np.abs(s * gain) ** 2 for gain in gains)
+    omega = 2.0 * np.pi * np.maximum(frequency, LOWEST_HZ)
+    outputs: tuple[Output, ...] = ("x1",) if drive.rigid else ("x1", "x2")
+    forces: tuple[Input, ...] = ("d1",) if drive.rigid else ("d1", "d2")
+    found = np.ones((2, len(omega)))
+    for row, x in zip(found, outputs, strict=False):
+        power = np.sum([np.abs(drive.frequency_response(omega, x, d)) ** 2 for d in forces], axis=0)
         row[:] = np.maximum(power / np.max(power), _LEAST)
     return found
