@@ -24,6 +24,8 @@ from identification.mismatch.workbench import Workbench
 LOWEST_HZ, HIGHEST_HZ = 0.7, 60.0
 _MEDIAN_BINS = 41
 _LEAST = 1e-6
+# of a drive's response, relative to its peak
+_FAINTEST = 1e-6
 
 
 @dataclass(frozen=True)
@@ -112,5 +114,5 @@ def _resonance(values: Mapping[str, float], frequency: FloatArray) -> FloatArray
     found = np.ones((2, len(omega)))
     for row, x in zip(found, outputs, strict=False):
         power = np.sum([np.abs(drive.frequency_response(omega, x, d)) ** 2 for d in forces], axis=0)
-        row[:] = np.maximum(power / np.max(power), _LEAST)
+        row[:] = np.maximum(power / np.max(power), _FAINTEST)
     return found
