@@ -174,7 +174,7 @@ class Proving:
         """Return what :meth:`proven` does of the findings whose sizes differ from none, and the drive of all recordings.
 
         An effect that is there has much the same size in every recording; one that fits a chance of some has not, and its
-        interval, from the spread between recordings, holds its absence. Nor has it a shape at its lower bound.
+        interval, from the spread between recordings, holds its absence. Nor does the interval of a shape reach its lower bound.
         """
         judges = self.judges(found.model.values) if steps else Judges(None)
         while True:
@@ -182,7 +182,7 @@ class Proving:
             self.say("fitting all recordings")
             steps = [p.step for p in proofs]
             drive = self.final(everything, steps, small=judges.small.get(_names(steps), False))
-            steps = [s for s in steps if _differs(s, drive) and not s.rival.candidate.vanishes(drive.values)]
+            steps = [s for s in steps if _differs(s, drive) and not _vanishes(s, drive)]
             if len(steps) == len(proofs):
                 return proofs, free, everything, drive
 
@@ -325,6 +325,12 @@ def _differs(step: Step, drive: Drive) -> bool:
         return True
     distance = float(away @ np.linalg.pinv(drive.covariance.matrix[np.ix_(i, i)], hermitian=True) @ away)
     return distance > k * (n - 1) / (n - k) * float(snedecor.ppf(0.95, k, n - k))
+
+
+def _vanishes(step: Step, drive: Drive) -> bool:
+    """Whether a shape may be as small as its lower bound, where the effect is another one: stiff bristles are dry friction."""
+    shapes = [k for k, _ in step.rival.candidate.shapes if k in drive.intervals]
+    return any(drive.intervals[k][0] <= LAYOUT[k].parameter.lower for k in shapes)
 
 
 def _between_runs(bench: Workbench, J: FloatArray, e: FloatArray) -> FloatArray:

@@ -1,0 +1,19 @@
+"""What is found must be there: in every recording, and as the effect that it is called."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from flexdrive_gym import Drive
+from identification.mismatch.candidates import catalogue
+from identification.mismatch.proving import _vanishes
+from tests.drive.drives import RIG
+
+
+@pytest.mark.parametrize(("interval", "vanishes"), [((0.013, 0.035), True), ((0.03, 0.2), False)])
+def test_bristles_that_may_be_stiff_are_dry_friction(interval, vanishes):
+    name = "presliding", "cart_2"
+    values = {**RIG, "presliding.cart_2.fd": 0.02, "presliding.cart_2.xs": 0.05}
+    candidate = next(c for c in catalogue() if c.name == name)
+    step = SimpleNamespace(rival=SimpleNamespace(candidate=candidate))
+    assert _vanishes(step, Drive(values, {"presliding.cart_2.xs": interval})) is vanishes
