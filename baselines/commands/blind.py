@@ -32,7 +32,7 @@ def blind(
 ) -> None:
     """Put the diagnosis to a concealed trial: rigs of an independent program, whose truth is sealed before the diagnosis.
 
-    A trial takes about half a minute of one core. What is done is kept in the folder; the same command goes on where it
+    A trial takes about a minute of one core. What is done is kept in the folder; the same command goes on where it
     was interrupted.
     """
     from baselines.payoff import Payoff  # noqa: PLC0415
@@ -61,7 +61,7 @@ def blind(
                 scheduler=scheduler,
                 progress=lambda done, total: bar.update(task, completed=done, total=total),
             )
-    packed = pack(output, found)
+        pack(output, found)
     judged = [judge(outcome) for outcome in found]
     summary = summarise(judged)
     paid = payoff_rows([Payoff.from_json(outcome["payoff"]) for outcome in found if outcome["payoff"]])
@@ -82,7 +82,7 @@ def blind(
     for title, (columns, rows) in zip(("tracking on the concealed rigs", "margins on them"), tables(paid), strict=True):
         if rows:
             table(title, columns, rows)
-    say(f"wrote {page} and {packed}")
+    say(f"wrote {page}")
 
 
 def print_summary(summary: Summary) -> None:

@@ -133,3 +133,10 @@ def bounds(key: str) -> tuple[float, float]:
     """Return the bounds of a parameter."""
     q = LAYOUT[key].parameter
     return q.lower, q.upper
+
+
+def look_alikes(effect: str) -> set[str]:
+    """Return the ids of the effects that are known to look like one, or that it is known to look like."""
+    return {e.id for e in EFFECTS if effect in e.looks_like} | {
+        i for e in EFFECTS if e.id == effect for i in e.looks_like
+    }

@@ -45,8 +45,6 @@ from identification.topology import Topology, topology_of
 
 # a free shape must explain this share of the error, and this much more than all names, to be called unnamed
 _SHAPE_GAIN, _SHAPE_LEAD = 0.045, 1.6
-# |cosine| from which on a shape is a name's own law
-_SAME = 0.97
 # and a line in the spectrum this share
 _LINE_SHARE = 0.05
 # a fit this near to the floor leaves nothing to explain
@@ -229,9 +227,8 @@ class _Diagnosing:
     def unnamed(self, found: Search) -> tuple[Shape | None, list[tuple[str, float]], bool]:
         """Return the free shape that no name fits, if there is one; the names nearest to it; whether it overrules all names.
 
-        A shape that goes far beyond everything that was named together says that the names were only the nearest ones, unless it
-        is what one of them does: a ceiling may be a smooth one. One that is left beside names counts by its share of all that was
-        to be explained: what a name's own law lacks is no other physics.
+        A shape that goes far beyond everything that was named together says that the names were only the nearest ones. One that
+        is left beside names counts by its share of all that was to be explained: what a name's own law lacks is no other physics.
         """
         first, last = found.stages[0], found.last
         named = 1.0 - float(np.prod([1.0 - s.rival.gain for s in found.steps]))
@@ -241,9 +238,7 @@ class _Diagnosing:
         for shapes, stage, least, overrules in rounds:
             for shape in shapes:
                 if shape.predicted >= least and shape.probability <= LEVEL:
-                    alike = likeness(self.bench, shape, stage.screened)
-                    if not (overrules and _is_named(alike, found)):
-                        return shape, alike, overrules
+                    return shape, likeness(self.bench, shape, stage.screened), overrules
         return None, [], False
 
     def describe(self, shape: Shape, alike: Sequence[tuple[str, float]]) -> Unnamed:
@@ -293,11 +288,6 @@ class _Diagnosing:
         if self.friction_spread:
             notes.append(f"friction differs from run to run by about {self.friction_spread:.0%}")
         return tuple(notes)
-
-
-def _is_named(alike: Sequence[tuple[str, float]], found: Search) -> bool:
-    """Whether a free shape is what a finding's own law is, in another form."""
-    return alike[0][1] > _SAME and alike[0][0] in {s.rival.name[0] for s in found.steps}
 
 
 def _never_negative(recordings: Sequence[Recording], channel: str) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 
 from flexdrive_gym.drive.effects import EFFECTS, LAYOUT
 from flexdrive_gym.recording import FloatArray
-from identification.mismatch.candidates import Candidate, bounds, catalogue
+from identification.mismatch.candidates import Candidate, bounds, catalogue, look_alikes
 from identification.mismatch.chance import Chance, chance, null_residuals
 from identification.mismatch.refit import Fit, refit
 from identification.mismatch.screening import Screened, orthonormal, screen
@@ -160,7 +160,9 @@ def stage(
     for s in chosen:
         say(f"refitting with {s.candidate.id} ({s.candidate.where})")
         tried.append(_rival(bench, model, s, raw, starts.get(s.candidate.name)))
-    tried += [_beside(bench, model, s, first) for first, s in _alike(tried, screened)]
+    first = max(tried, key=lambda r: max(r.gains), default=None)
+    if first is not None and max(first.gains) > _WORTH_A_LOOK:
+        tried += [_beside(bench, model, s, first) for s in _alike(first, leaders)]
     best: dict[tuple[str, str], Rival] = {}
     for r in (r for r in tried if _repeats(bench, r)):
         if r.name not in best or r.fit.cost < best[r.name].fit.cost:
@@ -276,22 +278,17 @@ def _rival(
         fit = min(fit, again, key=lambda f: f.cost)
     fit = _in_both_views(bench, model, fit, start, keys)
     offsets, bench.offsets = bench.offsets, here
-    return Rival(s, fit, offsets, tuple(max(fit.beside(model, view), 0.0) for view in bench.views))
+    return Rival(s, fit, offsets, _gains(bench, model, fit))
 
 
-def _alike(tried: Sequence[Rival], screened: Sequence[Screened]) -> list[tuple[Rival, Screened]]:
-    """Return what is known to look like the rival that explains most, with that rival."""
-    first = max(tried, key=lambda r: max(r.gains), default=None)
-    if first is None or max(first.gains) < _WORTH_A_LOOK or first.candidate.period is not None:
+def _alike(first: Rival, leaders: Sequence[Screened]) -> list[Screened]:
+    """Return what is known to look like a rival; what repeats along the track, and what acts on the other cart, does not."""
+    if first.candidate.period is not None:
         return []
-    own = first.candidate
-    looks = {e.id for e in EFFECTS if own.id in e.looks_like} | {
-        i for e in EFFECTS if e.id == own.id for i in e.looks_like
-    }
-    # what acts on the other cart does not look like it
-    same = {s.candidate.where for s in screened if not s.candidate.where.startswith("cart")} | {own.where}
-    found = [s for s in best_of_each(screened) if s.candidate.id in looks and s.candidate.where in same]
-    return [(first, s) for s in found if s.candidate.period is None]
+    where, looks = first.candidate.where, look_alikes(first.candidate.id)
+    other = {"cart_1": "cart_2", "cart_2": "cart_1"}.get(where)
+    near = [s for s in leaders if s.candidate.id in looks and s.candidate.where != other]
+    return [s for s in near if s.candidate.period is None]
 
 
 def _beside(bench: Workbench, model: Fit, s: Screened, first: Rival) -> Rival:
@@ -308,7 +305,11 @@ def _beside(bench: Workbench, model: Fit, s: Screened, first: Rival) -> Rival:
     keys = s.candidate.keys
     fit = refit(bench, start, (*model.names, *keys), iterations=6, fresh=keys, known=model)
     fit = _in_both_views(bench, model, fit, start, keys)
-    return Rival(s, fit, bench.offsets, tuple(max(fit.beside(model, view), 0.0) for view in bench.views))
+    return Rival(s, fit, bench.offsets, _gains(bench, model, fit))
+
+
+def _gains(bench: Workbench, model: Fit, fit: Fit) -> tuple[float, ...]:
+    return tuple(max(fit.beside(model, view), 0.0) for view in bench.views)
 
 
 def _in_both_views(bench: Workbench, model: Fit, plain: Fit, start: Mapping[str, float], keys: Sequence[str]) -> Fit:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from flexdrive_gym.drive.effects import EFFECTS
+from identification.mismatch.candidates import look_alikes
 from identification.mismatch.chance import chance
 from identification.mismatch.refit import Fit
 from identification.mismatch.rounds import Progress, Rival, Stage, Starts, passes, stage
@@ -182,8 +182,7 @@ def _as_good(rival: Rival, best: Rival) -> bool:
 
 def _foremost(ties: Sequence[Rival], best: Rival) -> tuple[Rival, ...]:
     """Return the three ties there is room for: those that are known to look like the finding come first."""
-    own = best.name[0]
-    known = {e.id for e in EFFECTS if own in e.looks_like} | {i for e in EFFECTS if e.id == own for i in e.looks_like}
+    known = look_alikes(best.name[0])
     return tuple(sorted(ties, key=lambda r: (r.name[0] not in known, -r.gain))[:3])
 
 
