@@ -165,7 +165,7 @@ class Fleet:
         self.ended = 0
         self.outputs = self.new_outputs()
         for address in self.outputs.addresses:
-            kernels.prepare_fleet(address, self.z)
+            kernels.prepare_fleet(address)
         self._unreferenced = self.outputs.references()
         self._spare = [self.outputs]
         self.kernel = entry(kernels.step_single if n == 1 else kernels.step_fleet, 0, self.z)

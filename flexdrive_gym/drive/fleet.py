@@ -292,11 +292,11 @@ def _fill_line(j: int, late: int, r1: float, r2: float, v1: float, v2: float, li
 
 
 @kernel
-def prepare_fleet(address: int, z: Any) -> None:
+def prepare_fleet(address: int) -> None:
     """Set up what the parameters decide that all drives share; to be called once for every block."""
     block = integers_at(address)
     if block[DRAWN] == 0:
-        _prepare(0, True, block, floats_at(block[A_P]), pointer(z))
+        _prepare(0, True, block, floats_at(block[A_P]))
         rows, work = floats_at(block[A_LANES]), floats_at(block[A_WORK])
         for k in range(RESPONSES):
             for e in range(padded(min(block[HIGH] - block[LOW], GROUP * LANES))):
@@ -328,7 +328,7 @@ def reset_fleet(address: int, which: Any, start: Any, z: Any) -> None:
         clock[j] = 0
         reward[j], terminated[j], truncated[j] = 0.0, 0, 0
         if not shared:
-            _prepare(j, False, block, q, space)
+            _prepare(j, False, block, q)
         if block[ONE_BY_ONE] == 1:
             clear(start[1], start[3], shifted(floats_at(block[A_MEMORY]), j * MEMORY), space, q)
         period = floats_at(block[A_TASK])[PERIOD]
@@ -349,7 +349,7 @@ def reset_fleet(address: int, which: Any, start: Any, z: Any) -> None:
 
 
 @inlined
-def _prepare(j: int, shared: bool, block: Any, q: Any, space: Any) -> None:
+def _prepare(j: int, shared: bool, block: Any, q: Any) -> None:
     """Set up what a drive's parameters decide: the lanes' rows, or the step's table."""
     period = floats_at(block[A_TASK])[PERIOD]
     strip, first = (0 if shared else j // LANES), (0 if shared else j % LANES)
@@ -363,4 +363,4 @@ def _prepare(j: int, shared: bool, block: Any, q: Any, space: Any) -> None:
             rows[k * ROW + lane] = rows[k * ROW]
     if block[ONE_BY_ONE] == 1:
         table = shifted(floats_at(block[A_TABLES]), (0 if shared else j) * TABLE_COLUMNS)
-        tabulate(period / block[SUBSTEPS], table, space, q)
+        tabulate(period / block[SUBSTEPS], table, q)

@@ -37,7 +37,7 @@ def _run_open_loop(
     x1, v1, x2, v2 = start[0], start[1], start[2], start[3]
     q, m, w = pointer(p), pointer(memory), pointer(z)
     table = shifted(m, MEMORY)
-    tabulate(sample_time / substeps, table, w, q)
+    tabulate(sample_time / substeps, table, q)
     clear(v1, v2, m, w, q)
     tracked, pushed, told = track.shape[1] > 0, pushes.shape[1] > 0, states.shape[1] > 0
     if tracked:
@@ -124,7 +124,7 @@ def run_p_control(
     x1, v1, x2, v2 = start[0], start[1], start[2], start[3]
     q, m, w = pointer(p), pointer(memory), pointer(z)
     table = shifted(m, MEMORY)
-    tabulate(sample_time / substeps, table, w, q)
+    tabulate(sample_time / substeps, table, q)
     clear(v1, v2, m, w, q)
     r1, r2, s1, s2 = power_up(x1, v1, x2, v2, sample_time, m, w, q)
     n = xr.shape[0]
@@ -157,7 +157,7 @@ def sweep_p_control(
     n = xr.shape[0]
     q, m, w = pointer(p), pointer(memory), pointer(z)
     table = shifted(m, MEMORY)
-    tabulate(sample_time / substeps, table, w, q)
+    tabulate(sample_time / substeps, table, q)
     for j in range(gains.shape[0]):
         gain = gains[j]
         x1, v1, x2, v2 = 0.0, 0.0, 0.0, 0.0
@@ -192,7 +192,7 @@ def run_sample(
 def begin(state: Any, sample_time: float, substeps: int, memory: Any, z: Any, p: Any, reading: Any) -> None:
     """Clear the memory of a drive in the given state, tabulate its step, and write its first readings."""
     q, m, w = pointer(p), pointer(memory), pointer(z)
-    tabulate(sample_time / substeps, shifted(m, MEMORY), w, q)
+    tabulate(sample_time / substeps, shifted(m, MEMORY), q)
     x1, v1, x2, v2 = state[0], state[1], state[2], state[3]
     clear(v1, v2, m, w, q)
     reading[0], reading[1], reading[2], reading[3] = power_up(x1, v1, x2, v2, sample_time, m, w, q)

@@ -106,7 +106,7 @@ def run_linear(
     table = shifted(m, MEMORY)
     for j in range(gains.shape[0]):
         q = shifted(parameters, j * N_PARAMETERS)
-        tabulate(sample_time / substeps, table, w, q)
+        tabulate(sample_time / substeps, table, q)
         x1, v1, x2, v2 = start[0], start[1], start[2], start[3]
         clear(v1, v2, m, w, q)
         r1, r2, s1, s2 = power_up(x1, v1, x2, v2, sample_time, m, w, q)

@@ -34,7 +34,7 @@ from typing import Any
 
 from flexdrive_gym.drive.compilation import called, inlined, shifted
 from flexdrive_gym.drive.crossing import crossing
-from flexdrive_gym.drive.effects import FLAG, LAYOUT, N_BASE_PARAMETERS, N_STATES
+from flexdrive_gym.drive.effects import FLAG, LAYOUT, LINEAR, N_BASE_PARAMETERS, N_STATES, PUSH_1, PUSH_2
 from flexdrive_gym.drive.forces import (
     W2,
     accelerations,
@@ -168,17 +168,16 @@ def smooth(
 
 
 @called
-def tabulate(h: float, table: Any, z: Any, p: Any) -> None:
-    """Tabulate what :func:`smooth` does over h, for a drive with base effects only; write it to ``table``.
+def tabulate(h: float, table: Any, p: Any) -> None:
+    """Tabulate what :func:`smooth` does over h to a drive with base effects only; write it to ``table``.
 
     Such a drive is linear between events, so the integrator's answer to unit vectors says everything: applying the table
-    costs far less than integrating. The integrator itself fills the table, so there is still one physics.
+    costs far less than integrating. The integrator itself fills the table, so there is still one physics. Where other effects
+    act at events only, on the command or in the encoders, the table serves as well.
 
     For both sliding, cart 1 sticking, cart 2 sticking: rows of x1 - x1(0), v1, x2 - x2(0), v2 over columns δ, v1, v2,
     force on cart 1, force on cart 2; then h. Work space for a parameter vector follows.
     """
-    if z is not None:
-        return
     for i in range(TABLE):
         table[i] = 0.0
     free = shifted(table, TABLE)
@@ -217,6 +216,25 @@ def leap(
 
 
 @inlined
+def _linear(z: Any) -> bool:
+    """Whether the drive is linear between events."""
+    if z is None:
+        return True
+    return z[LINEAR] != 0.0
+
+
+@inlined
+def _forces(
+    x1: float, v1: float, x2: float, v2: float, s1: float, s2: float, u: float, t: float, z: Any, p: Any
+) -> tuple[float, float]:
+    """Return the forces on the carts [V], besides spring and dampers, of a drive that is linear between events."""
+    f1, f2 = u, 0.0
+    if z is not None:
+        f1, f2 = u + z[PUSH_1], z[PUSH_2]
+    return f1 - s1 * level_1(x1, v1, s1, 0.0, t, z, 0, p), f2 - s2 * level_2(x2, v2, s2, 0.0, t, z, 0, p)
+
+
+@inlined
 def _direction(v: float, released: float, margin: float, sign: float) -> float:
     if v != 0.0:
         return 1.0 if v > 0.0 else -1.0
@@ -244,9 +262,9 @@ def step(
 ) -> tuple[float, float, float, float]:
     """Advance the drive by h seconds under a constant force u; return x1, v1, x2, v2."""
     y1, w1, y2, w2, sliding = x1, v1, x2, v2, False
-    if z is None:
+    if _linear(z):
         s1, s2 = (1.0 if v1 > 0.0 else -1.0), (1.0 if v2 > 0.0 else -1.0)
-        f1, f2 = u - s1 * level_1(x1, v1, s1, 0.0, t, z, 0, p), -s2 * level_2(x2, v2, s2, 0.0, t, z, 0, p)
+        f1, f2 = _forces(x1, v1, x2, v2, s1, s2, u, t, z, p)
         y1, w1, y2, w2 = leap(0, x1, v1, x2, v2, f1, f2, table)
         sliding = v1 != 0.0 and v2 != 0.0 and s1 * w1 > 0.0 and s2 * w2 > 0.0 and h == table[60]
     if not sliding:
@@ -270,9 +288,9 @@ def _piece(
     p: Any,
 ) -> tuple[float, float, float, float]:
     """Integrate one smooth piece, by the table where it fits."""
-    if z is None and h == table[60] and (s1 != 0.0 or s2 != 0.0):
+    if h == table[60] and (s1 != 0.0 or s2 != 0.0) and _linear(z):
         mode = 20 if s1 == 0.0 else 40 if s2 == 0.0 else 0
-        f1, f2 = u - s1 * level_1(x1, v1, s1, 0.0, t, z, 0, p), -s2 * level_2(x2, v2, s2, 0.0, t, z, 0, p)
+        f1, f2 = _forces(x1, v1, x2, v2, s1, s2, u, t, z, p)
         return leap(mode, x1, v1, x2, v2, f1, f2, table)
     y1, w1, y2, w2, _a1, _a2 = smooth(x1, v1, x2, v2, s1, s2, u, t, h, z, p)
     return y1, w1, y2, w2

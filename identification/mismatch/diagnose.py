@@ -191,7 +191,7 @@ class _Diagnosing:
         fits += loop_fits(before, after, split.loops)
         proof = total(fits, held_out=True) if split.prove else total(fits)
         findings = self.findings(proofs, drive)
-        unnamed = self.rhythm(found) if shape is None else self.describe(shape, alike)
+        unnamed = self.describe(shape, alike) if shape is not None else self.rhythm(found) or self.excess(found)
         return Diagnosis(
             verdict=_verdict(findings, unnamed, proof),
             faults=tuple(f for r in self.runs for f in r.faults),
@@ -253,6 +253,21 @@ class _Diagnosing:
             return None
         acts = f"{line.frequency:.3g} Hz whatever the command: a disturbance from outside"
         return Unnamed(line.where, line.share, acts, ())
+
+    def excess(self, found: Search) -> Unnamed | None:
+        """Return that there is more error than a rig's own restlessness makes, whatever it follows.
+
+        What surrounds the two rigs that this was learnt from says nothing on a rig of which there is one recording.
+        """
+        excess = found.last.excess
+        if self.bench.parts or excess.probability > LEVEL:
+            return None
+        most = " and ".join(f"{self.bench.runs[r].name} ({share:.0%})" for r, share in excess.runs)
+        acts = (
+            f"nothing that was looked at, but is more than a rig's own restlessness makes (p = {excess.probability:.2g}); most "
+            f"of it in {most}"
+        )
+        return Unnamed(excess.where, excess.share, acts, ())
 
     def findings(self, proofs: Sequence[Proof], drive: Drive) -> tuple[Finding, ...]:
         result = []

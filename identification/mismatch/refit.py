@@ -1,7 +1,8 @@
 r"""Joint refits: the present model and one candidate together, so that neither absorbs what belongs to the other.
 
 Levenberg-Marquardt on the weighted residuals of the :mod:`workbench <identification.mismatch.workbench>`. Sensitivities are
-finite differences large against the kinks of stick-slip. Positive parameters move as logarithms, all within bounds. What the
+finite differences large against the kinks of stick-slip; where all parameters are free they are carried along steps while these
+succeed, and made anew before the fit ends. Positive parameters move as logarithms, all within bounds. What the
 fit is worth is judged by its comparable residual, after a last linear step of all but its shapes, for what is best among
 weighted residuals is not quite best among these.
 """
@@ -160,12 +161,14 @@ def refit(
                 S[:, i] = known.sensitivity[:, place[n]]
                 moving[i] = fresh is None or n in fresh
     J = bench.seen(view, S)
+    own = np.flatnonzero(moving)
+    part = Coordinates([c.names[i] for i in own], values)
+    part.scale, part.low, part.high = c.scale[own], c.low[own], c.high[own]
+    renew = True
     for _ in range(iterations):
-        own = np.flatnonzero(moving)
-        part = Coordinates([c.names[i] for i in own], values)
-        part.scale, part.low, part.high = c.scale[own], c.low[own], c.high[own]
-        S[:, own] = sensitivities(bench, part, z[own], now, raw)
-        J[:, own] = bench.seen(view, S[:, own])
+        if renew:
+            S[:, own] = sensitivities(bench, part, z[own], now, raw)
+            J[:, own] = bench.seen(view, S[:, own])
         gradient, H = J.T @ e, J.T @ J
         better = False
         for _attempt in range(4):
@@ -185,13 +188,29 @@ def refit(
                 better = True
                 break
             damping = max(damping, 1e-3) * 10.0
-        if not better:
+        if not better and renew:
             break
+        if not better:
+            renew, damping = True, 1e-3
+            continue
+        if known is None:
+            _carry(bench, S, J, view, new - z, raw_new - raw)
         gained, z, now, raw, e, cost = cost - cost_new, new, trial, raw_new, e_new, cost_new
         damping = max(damping * 0.2, 1e-6)
-        if gained < tolerance * cost:
+        done = gained < tolerance * cost
+        if done and renew:
             break
+        renew = done or known is not None
     return judged(bench, c, z, now, raw, S)
+
+
+def _carry(bench: Workbench, S: FloatArray, J: FloatArray, view: View, step: FloatArray, change: FloatArray) -> None:
+    """Carry sensitivities along a step so that they explain what it changed (C. G. Broyden, Math. Comp. 19, 1965)."""
+    square = float(step @ step)
+    if square > 0.0:
+        lacking, along = change - S @ step, step / square
+        S += np.outer(lacking, along)
+        J += np.outer(bench.seen(view, lacking), along)
 
 
 def judged(

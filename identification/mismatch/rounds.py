@@ -12,6 +12,7 @@ from flexdrive_gym.drive.effects import EFFECTS, LAYOUT
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.candidates import Candidate, bounds, catalogue, look_alikes
 from identification.mismatch.chance import Chance, chance, null_residuals
+from identification.mismatch.excess import Excess, excess
 from identification.mismatch.refit import Fit, refit
 from identification.mismatch.screening import Screened, orthonormal, screen
 from identification.mismatch.workbench import Columns, View, Workbench
@@ -87,6 +88,8 @@ class Stage:
         In which something stands out most from chance.
     null
         Raw residuals of the null draws, shape (N, draws).
+    excess
+        How much more error the model has than they have.
     runs
         Rows of every recording.
     """
@@ -96,6 +99,7 @@ class Stage:
     screened: tuple[Screened, ...]
     view: View
     null: FloatArray = field(repr=False)
+    excess: Excess
     runs: tuple[slice, ...] = field(repr=False)
 
     def behind(self, rival: Rival, best: Rival, draws: int = 999) -> float:
@@ -174,7 +178,7 @@ def stage(
     judged = [replace(r, gain=r.gains[where], probability=luck.probability(n, seen[n])) for n, r in best.items()]
     order = sorted(judged, key=lambda r: (not passes(r), -r.gain))
     runs = tuple(bench.rows.of(i) for i in range(len(bench.runs)))
-    return Stage(model, tuple(order), tuple(leaders), bench.views[where], null, runs)
+    return Stage(model, tuple(order), tuple(leaders), bench.views[where], null, excess(bench, null, model), runs)
 
 
 def screened_in(

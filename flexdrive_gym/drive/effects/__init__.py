@@ -80,7 +80,7 @@ N_STATES = sum(len(item.states) * len(item.where) for item in EFFECTS)
 N_MEMORY = sum(item.memory * len(item.where) for item in EFFECTS)
 
 # The workspace of the variant with all effects: rows of states; where a replay anchors the carts; where and when the piece
-# began; additional forces on the carts; which chains have anything to do; memory.
+# began; additional forces on the carts; which chains have anything to do; whether none of those has between events; memory.
 ANCHOR_1, ANCHOR_2, BEGIN_1, BEGIN_2, BEGIN_T, PUSH_1, PUSH_2 = (ROWS * N_STATES + i for i in range(7))
 _FLAGS = ROWS * N_STATES + 7
 
@@ -112,7 +112,8 @@ _PLACES: dict[str, tuple[str, ...]] = {
 }
 CHAINS: tuple[tuple[str, str | None], ...] = tuple((site, w) for site in SITES for w in _PLACES.get(site, (None,)))
 FLAG = {which: _FLAGS + i for i, which in enumerate(CHAINS)}
-_MEMORY = _FLAGS + len(CHAINS)
+LINEAR = _FLAGS + len(CHAINS)
+_MEMORY = LINEAR + 1
 WORKSPACE = _MEMORY + N_MEMORY
 
 
@@ -184,6 +185,11 @@ _SWITCH_NULL = np.array([s[1] for s in _SWITCHES])
 _SWITCH_FLAG = np.array([s[2] for s in _SWITCHES], dtype=np.int64)
 
 
+# chains that act at events, at the beginning of a run or outside the mechanics leave a sliding drive as linear as it is
+_APART = {"command", "breakaway", "begin", "reading", "speed"}
+_BETWEEN_EVENTS = np.array([FLAG[which] for which in CHAINS if which[0] not in _APART], dtype=np.int64)
+
+
 @called
 def prepare(z: Any, p: Any) -> None:
     """Clear a workspace and note which chains have anything to do for these parameters."""
@@ -192,3 +198,7 @@ def prepare(z: Any, p: Any) -> None:
     for i in range(len(_SWITCH_PARAMETER)):
         if p[_SWITCH_PARAMETER[i]] != _SWITCH_NULL[i]:
             z[_SWITCH_FLAG[i]] = 1.0
+    busy = 0.0
+    for i in range(len(_BETWEEN_EVENTS)):
+        busy += z[_BETWEEN_EVENTS[i]]
+    z[LINEAR] = 1.0 if busy == 0.0 else 0.0
