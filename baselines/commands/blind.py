@@ -49,6 +49,8 @@ def blind(
         asked = settings(output)
         trials, seed = asked["trials"], asked["seed"]
         found = outcomes(output, plan(trials, seed))
+        if not found:
+            raise ValueError(f"output: the study in {output} has no outcome yet. Go on with it without --report.")
     else:
         with progress() as bar:
             task = bar.add_task("trials", total=trials)

@@ -79,23 +79,44 @@ def settings(folder: Path) -> Mapping[str, Any]:
     Raises
     ------
     ValueError
-        If the folder holds no study.
+        If the folder holds no study, or a damaged one.
     """
     file = folder / "study.json"
     if not file.exists():
         raise ValueError(f"output: {folder} holds no study. Begin one without --report.")
-    found: Mapping[str, Any] = json.loads(file.read_text())
-    return found
+    return _parsed(file, file.read_text())
 
 
 def outcomes(folder: Path, trials: tuple[Trial, ...]) -> list[Mapping[str, Any]]:
-    """Return the outcomes that there are, in order; without single ones those that were packed."""
+    """Return the outcomes that there are, in order; without single ones those that were packed.
+
+    Raises
+    ------
+    ValueError
+        If a file is damaged.
+    """
     files = [opened(folder, t.number) for t in trials]
-    found = [json.loads(f.read_text()) for f in files if f.exists()]
+    found = [_parsed(f, f.read_text()) for f in files if f.exists()]
     packed = folder / PACKED
     if found or not packed.exists():
         return found
-    return [json.loads(line) for line in gzip.decompress(packed.read_bytes()).splitlines()]
+    try:
+        lines = gzip.decompress(packed.read_bytes()).decode().splitlines()
+    except (OSError, EOFError, UnicodeDecodeError) as error:
+        raise _damaged(packed, error) from None
+    return [_parsed(packed, line) for line in lines]
+
+
+def _parsed(file: Path, text: str) -> Mapping[str, Any]:
+    try:
+        found: Mapping[str, Any] = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise _damaged(file, error) from None
+    return found
+
+
+def _damaged(file: Path, error: Exception) -> ValueError:
+    return ValueError(f"output: {file} cannot be read: {error}. Put the original back, or run those trials again.")
 
 
 def pack(folder: Path, found: Sequence[Mapping[str, Any]]) -> Path:

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 import subprocess
 import sys
 
@@ -130,3 +131,21 @@ def test_a_study_is_told_from_its_packed_outcomes(quick, tmp_path):
     first = (tmp_path / "packed" / study.PACKED).read_bytes()
     study.pack(tmp_path / "packed", found)
     assert (tmp_path / "packed" / study.PACKED).read_bytes() == first
+
+
+@pytest.mark.parametrize(
+    ("files", "message"),
+    [
+        ({"study.json": "{"}, r"study\.json cannot be read"),
+        ({"study.json": '{"trials": 3, "seed": 0, "engine": "x"}', study.PACKED: "no gzip"}, r"gz cannot be read"),
+        ({"study.json": '{"trials": 3, "seed": 0, "engine": "x"}'}, "no outcome yet"),
+    ],
+)
+def test_a_report_of_nothing_or_of_damaged_files_is_refused(files, message, tmp_path):
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    result = CliRunner().invoke(app, ["blind", "--report", "-o", str(tmp_path)])
+    assert isinstance(result.exception, ValueError)
+    assert str(result.exception).startswith("output: ")
+    assert re.search(message, str(result.exception))
+    assert not (tmp_path / "trial.html").exists()
