@@ -1,21 +1,24 @@
 """Agents trained on the tied, the free and the diagnosed drive, on concealed rigs: ``python -m benchmarks sim_to_real --rigs N``.
 
 Each rig costs a diagnosis and three trainings per seed. What is done already is kept in the folder, so a run goes on where it was
-stopped. ``--study DIR`` takes the rigs and diagnoses of a concealed trial (``flexdrive blind -o DIR``) instead of making its own.
+stopped. ``--study DIR`` takes the rigs and diagnoses of a concealed trial (``flexdrive blind -o DIR``, or one that lies in
+``docs/trial``) instead of making its own.
 """
 
 import argparse
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from baselines.blind.truth import Truth, draw_truth
 from baselines.rl.agents import load_agent
 from baselines.sim_to_real import Gap, closings, gaps, mean_gaps
 from baselines.trial.one import conduct, opened
 from baselines.trial.plan import Trial, plan
-from baselines.trial.study import settings
+from baselines.trial.study import outcomes, settings
+from flexdrive_gym import Drive
 from flexdrive_gym.drive.toml import loads
 
 DRIVES = ("tied", "free", "diagnosed")
@@ -40,14 +43,14 @@ def main() -> None:
         "| rig | conceals | drive | promised [mm] | on the rig [mm] | gap [mm] | stable |\n" + "|---" * 7 + "|",
         flush=True,
     )
-    study = given.study or given.folder
-    for trial, truth in _rigs(given.rigs, given.seed, given.study):
-        seeds = range(given.seed, given.seed + given.seeds)
-        one = _one(trial, truth, study, given.folder, given.steps, seeds)
-        if one is None:
-            reason = json.loads(opened(study, trial.number).read_text())["failed"]
-            print(f"| {trial.number} | no drives: {reason} | | | | | |", flush=True)
+    answered = {} if given.study is None else _answered(given.study)
+    for trial, truth in _rigs(given.rigs, given.seed, given.study, answered):
+        outcome = answered.get(trial.number) or _conducted(trial, given.folder)
+        if outcome["answer"] is None:
+            print(f"| {trial.number} | no drives: {outcome['failed']} | | | | | |", flush=True)
             continue
+        drives = {name: loads(outcome["answer"]["drives"][name]) for name in DRIVES}
+        one = _one(trial, truth, drives, given.folder, given.steps, range(given.seed, given.seed + given.seeds))
         found.append(one)
         conceals = ", ".join(f"{e.id} at {e.where}" for e in truth.effects)
         for g in one:
@@ -64,12 +67,26 @@ def main() -> None:
         )
 
 
-def _rigs(number: int, seed: int, study: Path | None) -> list[tuple[Trial, Truth]]:
+def _answered(study: Path) -> dict[int, Mapping[str, Any]]:
+    """Return the outcomes of a study by the trials' numbers."""
+    asked = settings(study)
+    return {o["trial"]["number"]: o for o in outcomes(study, plan(asked["trials"], asked["seed"]))}
+
+
+def _conducted(trial: Trial, folder: Path) -> Mapping[str, Any]:
+    """Return the outcome of a trial that this benchmark conducts itself, or has."""
+    if not opened(folder, trial.number).is_file():
+        conduct(trial, folder)
+    found: Mapping[str, Any] = json.loads(opened(folder, trial.number).read_text())
+    return found
+
+
+def _rigs(number: int, seed: int, study: Path | None, answered: Collection[int]) -> list[tuple[Trial, Truth]]:
     """Return the first trials whose rig conceals effects of the catalogue, as the study's payoff takes them."""
     found: list[tuple[Trial, Truth]] = []
     asked = {"trials": TRIALS, "seed": seed} if study is None else settings(study)
     for t in plan(asked["trials"], asked["seed"]):
-        if study is not None and not opened(study, t.number).is_file():
+        if study is not None and t.number not in answered:
             continue
         truth = draw_truth(t.seed, t.kind, size=t.size, effect=t.effect)
         if len(found) < number and truth.effects and all(e.where != "outside" for e in truth.effects):
@@ -78,17 +95,11 @@ def _rigs(number: int, seed: int, study: Path | None) -> list[tuple[Trial, Truth
 
 
 def _one(
-    trial: Trial, truth: Truth, study: Path, folder: Path, steps: int, seeds: Sequence[int]
-) -> tuple[Gap, ...] | None:
-    """Diagnose the rig, train on each drive, and run the agents on it."""
+    trial: Trial, truth: Truth, drives: Mapping[str, Drive], folder: Path, steps: int, seeds: Sequence[int]
+) -> tuple[Gap, ...]:
+    """Train on each of a rig's drives, and run the agents on it."""
     from baselines.rl.training import AGENT, Plan, train  # torch is needed for trainings only
 
-    if not opened(study, trial.number).is_file():
-        conduct(trial, study)
-    answer = json.loads(opened(study, trial.number).read_text())["answer"]
-    if answer is None:
-        return None
-    drives = {name: loads(answer["drives"][name]) for name in DRIVES}
     found = []
     for seed in seeds:
         agents = {}
