@@ -182,7 +182,7 @@ class _Diagnosing:
         )
         # the proofs fit drives without any such freedom
         self.friction_spread = self.bench.spread.get("friction", 0.0)
-        shape, alike, overrules = self.unnamed(found)
+        shape, overrules = left_unnamed(found)
         say("proving on recordings kept away")
         proofs, before_values, after_values, drive = proving.certain(found, () if overrules else found.steps)
         fits = velocity_fits(before_values, after_values, split.learn, self.runs, self.pool, held_out=False)
@@ -191,7 +191,7 @@ class _Diagnosing:
         fits += loop_fits(before, after, split.loops)
         proof = total(fits, held_out=True) if split.prove else total(fits)
         findings = self.findings(proofs, drive)
-        unnamed = self.describe(shape, alike) if shape is not None else self.rhythm(found) or self.excess(found)
+        unnamed = self.rhythm(found) or self.excess(found) if shape is None else self.describe(shape, found)
         return Diagnosis(
             verdict=_verdict(findings, unnamed, proof),
             faults=tuple(f for r in self.runs for f in r.faults),
@@ -224,25 +224,10 @@ class _Diagnosing:
             tied=self.tied.drive if self.tied else None,
         )
 
-    def unnamed(self, found: Search) -> tuple[Shape | None, list[tuple[str, float]], bool]:
-        """Return the free shape that no name fits, if there is one; the names nearest to it; whether it overrules all names.
-
-        A shape that goes far beyond everything that was named together says that the names were only the nearest ones. One that
-        is left beside names counts by its share of all that was to be explained: what a name's own law lacks is no other physics.
-        """
-        first, last = found.stages[0], found.last
-        named = 1.0 - float(np.prod([1.0 - s.rival.gain for s in found.steps]))
-        rounds = [(found.last_shapes, last, _SHAPE_GAIN / (1.0 - named), False)]
-        if found.steps:
-            rounds.insert(0, (found.first_shapes, first, max(_SHAPE_GAIN, _SHAPE_LEAD * named), True))
-        for shapes, stage, least, overrules in rounds:
-            for shape in shapes:
-                if shape.predicted >= least and shape.probability <= LEVEL:
-                    return shape, likeness(self.bench, shape, stage.screened), overrules
-        return None, [], False
-
-    def describe(self, shape: Shape, alike: Sequence[tuple[str, float]]) -> Unnamed:
-        return Unnamed(shape.where, shape.predicted, shape.sentence, tuple(alike[:3]))
+    def describe(self, shape: Shape, found: Search) -> Unnamed:
+        stage = found.stages[0] if any(shape is s for s in found.first_shapes) else found.last
+        nearest = likeness(self.bench, shape, stage.screened)
+        return Unnamed(shape.where, shape.predicted, shape.sentence, tuple(nearest[:3]))
 
     def rhythm(self, found: Search) -> Unnamed | None:
         """Return a disturbance with a rhythm of its own, which no property of the drive can make."""
@@ -303,6 +288,26 @@ class _Diagnosing:
         if self.friction_spread:
             notes.append(f"friction differs from run to run by about {self.friction_spread:.0%}")
         return tuple(notes)
+
+
+def left_unnamed(found: Search) -> tuple[Shape | None, bool]:
+    """Return the free shape that no name fits, if there is one, and whether it overrules all names.
+
+    A shape that goes far beyond everything that was named together, before the names or beside them, says that they were only the
+    nearest ones. One that is left beside names counts by its share of all that was to be explained: what a name's own law
+    lacks is no other physics.
+    """
+    named = 1.0 - float(np.prod([1.0 - s.rival.gain for s in found.steps]))
+    most = _SHAPE_LEAD * named
+    rounds = [(found.last_shapes, _SHAPE_GAIN, 1.0 - named)]
+    if found.steps:
+        rounds.insert(0, (found.first_shapes, max(_SHAPE_GAIN, most), 1.0))
+    for shapes, least, left in rounds:
+        for shape in shapes:
+            share = shape.predicted * left
+            if share >= least and shape.probability <= LEVEL:
+                return shape, bool(found.steps) and share >= most
+    return None, False
 
 
 def _never_negative(recordings: Sequence[Recording], channel: str) -> bool:

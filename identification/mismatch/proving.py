@@ -30,8 +30,8 @@ _LEARNT, _PROVEN = 0.005, 0.004
 _LEARNT_PLAINLY = 0.01
 # and must not raise their plain rms, rough track and all, by more than this factor
 _WORSE = 1.005
-# or must lower it by this factor
-_BETTER = 0.99
+# or must lower it by this factor; what does not must explain this share
+_BETTER, _SMALL = 0.99, 0.02
 # of what effects can explain among comparable residuals, a plain fit must keep this share
 _KEPT = 0.7
 # a logarithm this uncertain says nothing, and its exponential is still a number
@@ -64,8 +64,11 @@ class Proof:
 
     @property
     def holds(self) -> bool:
-        """Whether the finding stands."""
-        seen = self.kept > _PROVEN and self.after < _WORSE * self.before
+        """Whether the finding stands: it is plainly there in recordings kept away, or not small where it was learnt.
+
+        What is neither was left to chance once and let through: many are tried.
+        """
+        seen = self.share > _SMALL and self.kept > _PROVEN and self.after < _WORSE * self.before
         return self.learnt > self.least and (seen or self.after < _BETTER * self.before)
 
 

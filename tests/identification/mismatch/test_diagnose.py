@@ -1,9 +1,12 @@
 """A whole diagnosis: what was left out is named, and where nothing was, nothing is."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from flexdrive_gym import Drive
 from identification import Diagnosis, diagnose
+from identification.mismatch.diagnose import left_unnamed
 from identification.mismatch.split import split_recordings
 from tests.drive.drives import RIG
 from tests.identification.lab import COUNTS, lab_day
@@ -41,3 +44,32 @@ def test_nothing_is_named_where_nothing_was_left_out():
     assert found.verdict == "no_mismatch"
     assert found.findings == ()
     assert found.before_rms == pytest.approx(found.after_rms)
+
+
+def _searched(gains, first, last):
+    """A search that named effects with these gains; free shapes by what they predict, before and after."""
+
+    def shapes(predicted):
+        return tuple(SimpleNamespace(predicted=p, probability=0.01) for p in predicted)
+
+    steps = tuple(SimpleNamespace(rival=SimpleNamespace(gain=g)) for g in gains)
+    return SimpleNamespace(steps=steps, first_shapes=shapes(first), last_shapes=shapes(last))
+
+
+@pytest.mark.parametrize(
+    ("gains", "first", "last", "unnamed", "overrules"),
+    [
+        ([], [0.2], [0.2], 0.2, False),
+        ([], [0.02], [0.02], None, False),
+        # goes far beyond the names, before them or beside them
+        ([0.1], [0.3], [0.01], 0.3, True),
+        ([0.02], [0.03], [0.07], 0.07, True),
+        # beside names that explain most of it
+        ([0.3], [0.3], [0.1], 0.1, False),
+        ([0.9], [0.9], [0.3], None, False),
+    ],
+)
+def test_a_shape_beyond_all_names_overrules_them(gains, first, last, unnamed, overrules):
+    shape, over = left_unnamed(_searched(gains, first, last))
+    assert (None if shape is None else shape.predicted) == unnamed
+    assert over is overrules

@@ -6,7 +6,7 @@ import pytest
 
 from flexdrive_gym import Drive
 from identification.mismatch.candidates import catalogue
-from identification.mismatch.proving import _vanishes
+from identification.mismatch.proving import Proof, _vanishes
 from tests.drive.drives import RIG
 
 
@@ -17,3 +17,20 @@ def test_bristles_that_may_be_stiff_are_dry_friction(interval, vanishes):
     candidate = next(c for c in catalogue() if c.name == name)
     step = SimpleNamespace(rival=SimpleNamespace(candidate=candidate))
     assert _vanishes(step, Drive(values, {"presliding.cart_2.xs": interval})) is vanishes
+
+
+@pytest.mark.parametrize(
+    ("share", "learnt", "kept", "before", "after", "holds"),
+    [
+        (0.3, 0.3, 0.2, 8.0, 7.0, True),
+        # rough track hides what recordings kept away have among comparable residuals
+        (0.05, 0.05, 0.03, 8.0, 8.01, True),
+        # but not what is small as well
+        (0.015, 0.015, 0.03, 8.0, 8.01, False),
+        (0.015, 0.015, 0.03, 8.0, 7.9, True),
+        (0.05, 0.05, 0.001, 8.0, 8.01, False),
+        (0.05, 0.001, 0.03, 8.0, 7.0, False),
+    ],
+)
+def test_what_is_small_must_be_plain_in_recordings_kept_away(share, learnt, kept, before, after, holds):
+    assert Proof(SimpleNamespace(), before, after, share, learnt, kept).holds is holds
