@@ -17,6 +17,8 @@ from identification.mismatch.refit import Fit
 from identification.mismatch.screening import orthonormal
 from identification.mismatch.workbench import View, Workbench
 
+_PART = 24
+
 
 @dataclass(frozen=True)
 class Excess:
@@ -61,7 +63,12 @@ def excess(bench: Workbench, null: FloatArray, model: Fit) -> Excess:
 def _squares(bench: Workbench, view: View, model: Fit, null: FloatArray) -> FloatArray:
     """Return the squared error of the model and of every draw, shape (runs, carts, 1 + draws), less what a refit takes out."""
     present = orthonormal(bench.seen(view, model.sensitivity))
-    e = np.column_stack([model.seen(view), bench.seen(view, null)])
-    e -= present @ (present.T @ e)
-    carts = range(len(bench.runs[0].keep))
-    return np.array([[np.sum(e[bench.piece(r, c)] ** 2, axis=0) for c in carts] for r in range(len(bench.runs))])
+    # a few draws at a time: all of them together are a good part of what a diagnosis may hold
+    parts = [model.seen(view)[:, None]] + [null[:, i : i + _PART] for i in range(0, null.shape[1], _PART)]
+    found = []
+    for i, part in enumerate(parts):
+        e = part if i == 0 else bench.seen(view, part)
+        e = e - present @ (present.T @ e)
+        carts = range(len(bench.runs[0].keep))
+        found.append([[np.sum(e[bench.piece(r, c)] ** 2, axis=0) for c in carts] for r in range(len(bench.runs))])
+    return np.concatenate(found, axis=2)
