@@ -123,25 +123,33 @@ class _Diagnosing:
         self.topology, self.names = topology, topology.free
         say("fitting the free drive")
         self.tied: MaximumLikelihood | None = None
-        self.free = identify_by_likelihood(split.learn, threads=jobs, topology=topology)
+        self.free = self._identified(jobs)
         if topology.two_carts:
             say("fitting with the handout's ratios")
-            self.tied = identify_by_likelihood(split.learn, ties=HANDOUT_RATIOS, threads=jobs, topology=topology)
+            self.tied = self._identified(jobs, ties=HANDOUT_RATIOS)
         self.bench = Workbench([prepare(r) for r in split.learn], pool, parts=split.parts)
         self.starts = self.without_sign(jobs)
         self.friction_spread = 0.0
         self.level = float(np.median([np.max(np.abs(r.u)) for r in split.learn]))
 
+    def _identified(self, jobs: int | None, **options: Any) -> MaximumLikelihood:
+        return identify_by_likelihood(self.split.learn, threads=jobs, topology=self.topology, **options)
+
     def without_sign(self, jobs: int | None) -> dict[tuple[str, str], Mapping[str, float]]:
-        """Return the free drive seen through a sensor that loses the sign, where a velocity never goes below zero."""
+        """Return the free drive seen through a sensor that loses the sign, where a velocity never goes below zero.
+
+        From speeds alone the equations of motion tell a wrong drive to begin with; one with the handout's ratios is found from
+        farther away.
+        """
         found: dict[tuple[str, str], Mapping[str, float]] = {}
         for cart in (1, 2):
             where = f"encoder_{cart}"
             if not self.topology.offers(where) or not _never_negative(self.split.learn, f"v{cart}"):
                 continue
-            fixed = {f"rectified_sensor.{where}.share": 1.0}
-            fit = identify_by_likelihood(self.split.learn, fixed=fixed, threads=jobs, topology=self.topology)
-            found["rectified_sensor", where] = fit.drive.values
+            fixed, start = {f"rectified_sensor.{where}.share": 1.0}, None
+            if self.topology.two_carts:
+                start = self._identified(jobs, fixed=fixed, ties=HANDOUT_RATIOS).drive.values
+            found["rectified_sensor", where] = self._identified(jobs, fixed=fixed, start=start).drive.values
         return found
 
     def forces(self, values: Mapping[str, float], runs: Sequence[Recording]) -> list[MissingForce]:
