@@ -58,7 +58,16 @@ def verdict_sentences(d: Diagnosis) -> list[str]:
     floor = (
         f"; what does not repeat, and no model can explain, is {rms(d.floor_rms)}" if math.isfinite(d.floor_rms) else ""
     )
-    change = f"The error {where_proven(d)} falls from {rms(d.before_rms)} to {rms(d.after_rms)} {d.unit} rms{floor}."
+    way = "falls" if d.after_rms < d.before_rms else "rises"
+    own = ""
+    if d.own_rms is not None:
+        own = (
+            f"; with each run's own dry friction, which differs by about {d.friction_spread:.0%}, it goes from "
+            f"{rms(d.own_rms[0])} to {rms(d.own_rms[1])}"
+        )
+    change = (
+        f"The error {where_proven(d)} {way} from {rms(d.before_rms)} to {rms(d.after_rms)} {d.unit} rms{own}{floor}."
+    )
     leaves = f"The free fit leaves {rms(d.before_rms)} {d.unit} rms {where_proven(d)}{floor}."
     unnamed = ""
     if d.unnamed is not None:

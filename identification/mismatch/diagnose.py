@@ -17,7 +17,7 @@ from identification.likelihood import MaximumLikelihood, identify_by_likelihood
 from identification.mismatch.lines import strongest_line
 from identification.mismatch.maps import Map, draw_maps, harmonics
 from identification.mismatch.missing_force import MissingForce, missing_force
-from identification.mismatch.prove import loop_fits, total, velocity_fits
+from identification.mismatch.prove import loop_fits, own_rms, total, velocity_fits
 from identification.mismatch.proving import Proof, Proving, held_of, keys_of
 from identification.mismatch.rounds import LEVEL, Progress
 from identification.mismatch.search import Search, Step, search
@@ -198,6 +198,10 @@ class _Diagnosing:
         before, after = Drive(before_values, name="free fit"), Drive(after_values, name="diagnosed drive")
         fits += loop_fits(before, after, split.loops)
         proof = total(fits, held_out=True) if split.prove else total(fits)
+        own = None
+        if self.friction_spread:
+            kept = split.prove or split.learn
+            own = own_rms(before_values, after_values, kept, self.pool, self.friction_spread)
         findings = self.findings(proofs, drive)
         unnamed = self.rhythm(found) or self.excess(found) if shape is None else self.describe(shape, found)
         return Diagnosis(
@@ -230,6 +234,7 @@ class _Diagnosing:
             },
             learnt=after,
             tied=self.tied.drive if self.tied else None,
+            own_rms=own,
         )
 
     def describe(self, shape: Shape, found: Search) -> Unnamed:

@@ -22,6 +22,8 @@ from identification.output_error import prepare, simulate_run
 from identification.validation import simulate_like
 
 _PLACES = 24
+# a run's own friction is sought in steps of so many standard deviations
+_WIDTHS = (1.5, 1.0, 0.5)
 
 
 def polished(bench: Workbench, values: Mapping[str, float], names: Sequence[str]) -> Mapping[str, float]:
@@ -103,7 +105,7 @@ def velocity_fits(
     return list(pool.map(one, zip(recordings, places, strict=True)))
 
 
-def gain_on(
+def tried_on(
     recordings: Sequence[Recording],
     without: Mapping[str, float],
     everything: Mapping[str, float],
@@ -111,17 +113,87 @@ def gain_on(
     *,
     parts: bool,
     view: View,
-) -> float:
-    """Return the share of the squared error of recordings, in a view, that a drive removes of another's.
+    spread: float,
+) -> tuple[float, float]:
+    """Return what a drive removes of another's error in recordings: the share of the square in a view, the ratio of plain rms.
 
-    Rough track and friction that differs from run to run are in both errors, often larger than what is to be proven; among
-    comparable residuals they hardly count.
+    Rough track and friction that differs from run to run are in both errors, often larger than what is to be proven. Among
+    comparable residuals they hardly count; but a cart that rests in one run and moves in the next is no small change, so each
+    drive meets every run with that run's own dry friction, ``spread`` as likely as not from its own (:func:`own_friction`).
     """
     bench = Workbench([prepare(r) for r in recordings], pool, parts=parts)
     bench.offsets = place(everything, recordings, pool)
     absorb(bench, without)
-    before, after = (float(np.sum(bench.seen(view, bench.residual(v)) ** 2)) for v in (without, everything))
-    return 1.0 - after / before
+    both = [_own(bench, values, 0.0 if parts else spread) for values in (without, everything)]
+    before, after = (float(np.sum(bench.seen(view, e) ** 2)) for e in both)
+    plain = [float(np.sqrt(np.sum((e * bench.rows.valid) ** 2))) for e in both]
+    return 1.0 - after / before, plain[1] / plain[0]
+
+
+def own_rms(
+    before: Mapping[str, float],
+    after: Mapping[str, float],
+    recordings: Sequence[Recording],
+    pool: Executor,
+    spread: float,
+) -> tuple[float, float]:
+    """Return the rms of recordings before and after, sample by sample [mm/s], each run with its own dry friction."""
+    bench = Workbench([prepare(r) for r in recordings], pool)
+    bench.offsets = place(after, recordings, pool)
+    bench.weigh(bench.residual(before))
+    both = [own_friction(bench, values, spread) for values in (before, after)]
+    fits = [
+        fit
+        for r, b, a in zip(recordings, *both, strict=True)
+        for fit in velocity_fits(b, a, [r], [r], pool, held_out=True)
+    ]
+    return total(fits)[:2]
+
+
+def _own(bench: Workbench, values: Mapping[str, float], spread: float) -> FloatArray:
+    if not spread:
+        return bench.residual(values)
+    drives = own_friction(bench, values, spread)
+    return np.concatenate(list(bench.pool.map(lambda r: bench.blocks(drives[r], r), range(len(drives)))))
+
+
+def own_friction(bench: Workbench, values: Mapping[str, float], spread: float) -> list[dict[str, float]]:
+    """Return, for every run, the drive with the dry friction that suits the run best.
+
+    Friction of each cart changes by a factor, with a normal prior whose standard deviation is ``spread``. One number per run and
+    cart is no physics: it is what differs between two runs of the same rig.
+    """
+    carts = range(len(bench.runs[0].keep))
+
+    def one(r: int) -> dict[str, float]:
+        weights = bench.weights[bench.rows.of(r)]
+
+        def cost(steps: Sequence[float]) -> float:
+            e = weights * bench.blocks(_rubbed(values, steps, spread), r)
+            return float(e @ e + np.sum(np.square(steps)))
+
+        steps = [0.0] * len(carts)
+        best = cost(steps)
+        for width in _WIDTHS:
+            for c in carts:
+                for way in (-width, width):
+                    other = [s + way * (i == c) for i, s in enumerate(steps)]
+                    found = cost(other)
+                    if found < best:
+                        best, steps = found, other
+        return _rubbed(values, steps, spread)
+
+    return list(bench.pool.map(one, range(len(bench.runs))))
+
+
+def _rubbed(values: Mapping[str, float], steps: Sequence[float], spread: float) -> dict[str, float]:
+    """Return a drive all of whose dry friction is changed, per cart by so many standard deviations."""
+    changed = dict(values)
+    for c, step in enumerate(steps, 1):
+        factor = float(np.exp(step * spread))
+        keys = (f"d{c}", f"presliding.cart_{c}.fd", f"stribeck.cart_{c}.extra", f"breakaway.cart_{c}.extra")
+        changed |= {k: factor * values[k] for k in keys if k in values}
+    return changed
 
 
 def loop_fits(before: Drive, after: Drive, recordings: Sequence[Recording]) -> list[RecordingFit]:

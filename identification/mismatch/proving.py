@@ -14,7 +14,7 @@ from flexdrive_gym import Covariance, Drive, Provenance, __version__
 from flexdrive_gym.drive.effects import LAYOUT
 from flexdrive_gym.recording import FloatArray, Recording
 from identification.methods import rig_parameters
-from identification.mismatch.prove import gain_on, place, polished, total, velocity_fits
+from identification.mismatch.prove import place, polished, total, tried_on, velocity_fits
 from identification.mismatch.refit import Coordinates, refit, sensitivities
 from identification.mismatch.rounds import Progress
 from identification.mismatch.search import Search, Step
@@ -50,6 +50,8 @@ class Proof:
         Of the squared error of recordings learnt from that it removes, plainly or among comparable residuals, where it is more.
     learnt, kept
         Share of the comparable squared error that it removes, in recordings learnt from and kept away.
+    ratio
+        Of plain rms on recordings kept away, after over before, every run with its own dry friction.
     least
         What ``learnt`` must be at least.
     """
@@ -60,6 +62,7 @@ class Proof:
     share: float
     learnt: float
     kept: float
+    ratio: float
     least: float = _LEARNT
 
     @property
@@ -68,10 +71,11 @@ class Proof:
 
         What is neither was left to chance once and let through: many are tried.
         """
-        seen = self.share > _SMALL and self.kept > _PROVEN and self.after < _WORSE * self.before
-        return self.learnt > self.least and (seen or self.after < _BETTER * self.before)
+        seen = self.share > _SMALL and self.kept > _PROVEN and self.ratio < _WORSE
+        return self.learnt > self.least and (seen or self.ratio < _BETTER)
 
 
+_Drive = Mapping[str, float]
 # the effects and places of some findings
 _Names = frozenset[tuple[str, str]]
 
@@ -244,16 +248,27 @@ class Proving:
         kept = self.split.prove or self.split.learn
         before, after, _ = total(velocity_fits(without, everything, kept, self.runs, self.pool, held_out=True))
         low, high, _ = total(velocity_fits(without, everything, self.split.learn, self.runs, self.pool, held_out=False))
+        plainly = without, everything
         if judges.bench is None or step.view == "weighted":
-            learnt, proven = (
-                gain_on(some, without, everything, self.pool, parts=self.split.parts, view=step.view)
-                for some in (self.split.learn, kept)
-            )
+            seen, learnt = plainly, self._tried(self.split.learn, plainly, step, spread=0.0)[0]
         else:
             (bare, worst), (whole, best) = (self.compared(judges, some, start) for some in both)
-            learnt, proven = 1.0 - best / worst, gain_on(kept, bare, whole, self.pool, parts=False, view=step.view)
+            seen, learnt = (bare, whole), 1.0 - best / worst
+        spread = self.searched.spread.get("friction", 0.0)
+        proven, ratio = self._tried(kept, plainly, step, spread=spread)
+        if seen is not plainly:
+            proven, _ = self._tried(kept, seen, step, spread=spread)
         share = max(1.0 - (high / low) ** 2, learnt)
-        return Proof(step, before, after, share, learnt, proven, _LEARNT_PLAINLY if judges.bench is None else _LEARNT)
+        least = _LEARNT_PLAINLY if judges.bench is None else _LEARNT
+        return Proof(step, before, after, share, learnt, proven, ratio, least)
+
+    def _tried(
+        self, recordings: Sequence[Recording], drives: tuple[_Drive, _Drive], step: Step, *, spread: float
+    ) -> tuple[float, float]:
+        without, everything = drives
+        return tried_on(
+            recordings, without, everything, self.pool, parts=self.split.parts, view=step.view, spread=spread
+        )
 
     def final(self, values: Mapping[str, float], steps: Sequence[Step], *, small: bool) -> Drive:
         """Return the drive fitted to all open-loop recordings, with intervals from the spread between recordings.

@@ -1,8 +1,8 @@
 r"""Joint refits: the present model and one candidate together, so that neither absorbs what belongs to the other.
 
 Levenberg-Marquardt on the weighted residuals of the :mod:`workbench <identification.mismatch.workbench>`. Sensitivities are
-finite differences large against the kinks of stick-slip; where all parameters are free they are carried along steps while these
-succeed, and made anew before the fit ends. Positive parameters move as logarithms, all within bounds. What the
+finite differences large against the kinks of stick-slip; where all parameters are free they are carried along small
+steps while these succeed, and made anew before the fit ends. Positive parameters move as logarithms, all within bounds. What the
 fit is worth is judged by its comparable residual, after a last linear step of all but its shapes, for what is best among
 weighted residuals is not quite best among these.
 """
@@ -21,6 +21,8 @@ from flexdrive_gym.recording import FloatArray
 from identification.mismatch.workbench import View, Workbench
 
 _STEP = 2e-3
+# a step that gains more than this share went too far for sensitivities to be carried along it
+_FAR = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +202,7 @@ def refit(
         done = gained < tolerance * cost
         if done and renew:
             break
-        renew = done or known is not None
+        renew = done or known is not None or gained > _FAR * cost
     return judged(bench, c, z, now, raw, S)
 
 

@@ -138,6 +138,8 @@ class Diagnosis:
         was not kept.
     tied
         The drive fitted with the handout's ratios, or ``None`` where they do not apply.
+    own_rms
+        ``before_rms`` and ``after_rms`` with each run's own dry friction; ``None`` where no spread of friction is known.
     notes
         Sentences a reader should see.
     maps, harmonics, forces, remaining
@@ -171,6 +173,7 @@ class Diagnosis:
     extra: Mapping[str, Any] = field(default_factory=dict)
     learnt: Drive | None = None
     tied: Drive | None = None
+    own_rms: tuple[float, float] | None = None
 
     def as_json(self, drive: str = "drive.toml") -> dict[str, Any]:
         """Return the object of ``diagnosis.json``; not-a-number becomes null."""
@@ -210,6 +213,7 @@ class Diagnosis:
                     "heldout_recordings": [r.name for r in (*self.split.prove, *self.split.loops)],
                     "per_recording": [vars(r) for r in self.per_recording],
                     "friction_spread": self.friction_spread,
+                    "own_friction_rms": None if self.own_rms is None else list(self.own_rms),
                 },
                 "predictions": [vars(p) for p in self.predictions],
                 "notes": list(self.notes),
@@ -224,6 +228,9 @@ class Diagnosis:
             f"verdict: {self.verdict.replace('_', ' ')}",
             f"rms kept away: {self.before_rms:.3g} -> {self.after_rms:.3g} {self.unit}, floor {self.floor_rms:.3g}",
         ]
+        if self.own_rms is not None:
+            before, after = self.own_rms
+            lines.append(f"with each run's own dry friction: {before:.3g} -> {after:.3g} {self.unit}")
         lines += [f.statement for f in self.findings]
         if self.unnamed is not None:
             lines.append(
