@@ -30,7 +30,7 @@ _LEARNT, _PROVEN = 0.005, 0.004
 _LEARNT_PLAINLY = 0.01
 # and must not raise their plain rms, rough track and all, by more than this factor
 _WORSE = 1.005
-# or must lower it by this factor; what does not must explain this share
+# or must lower it by this factor; what explains less than this share must do both
 _BETTER, _SMALL = 0.99, 0.02
 # of what effects can explain among comparable residuals, a plain fit must keep this share
 _KEPT = 0.7
@@ -67,12 +67,13 @@ class Proof:
 
     @property
     def holds(self) -> bool:
-        """Whether the finding stands: it is plainly there in recordings kept away, or not small where it was learnt.
+        """Whether the finding stands: among comparable residuals of recordings kept away, or plainly there; small ones, both.
 
-        What is neither was left to chance once and let through: many are tried.
+        What is small is let through by chance once in a while: many are tried.
         """
-        seen = self.share > _SMALL and self.kept > _PROVEN and self.ratio < _WORSE
-        return self.learnt > self.least and (seen or self.ratio < _BETTER)
+        seen, plain = self.kept > _PROVEN and self.ratio < _WORSE, self.ratio < _BETTER
+        both = seen and plain if self.share <= _SMALL else seen or plain
+        return self.learnt > self.least and both
 
 
 _Drive = Mapping[str, float]

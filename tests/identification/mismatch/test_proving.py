@@ -28,6 +28,7 @@ def test_bristles_that_may_be_stiff_are_dry_friction(interval, vanishes):
         # but not what is small as well
         (0.015, 0.015, 0.03, 1.001, False),
         (0.015, 0.015, 0.03, 0.98, True),
+        (0.015, 0.015, -0.1, 0.98, False),
         (0.05, 0.05, 0.001, 1.001, False),
         (0.05, 0.001, 0.03, 0.9, False),
     ],
