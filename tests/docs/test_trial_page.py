@@ -31,7 +31,7 @@ def test_every_figure_is_the_study_s():
     assert f"flexdrive blind --report -o docs/trial/{LATEST.name}" in readme
 
 
-@pytest.mark.parametrize("folder", STUDIES, ids=lambda f: f.name)
+@pytest.mark.parametrize("folder", [*STUDIES, ROOT / "docs/trial/begun_2"], ids=lambda f: f.name)
 def test_truths_are_what_was_sealed(folder):
     """The hash was printed before the diagnosis began; a truth is written as one indented JSON object."""
     for outcome in found_in(folder):
@@ -53,3 +53,19 @@ def test_every_shape_whose_interval_reaches_its_lower_bound_was_false():
     assert [number for number, _ in reach] == [47, 110, 124]
     false = {outcome["trial"]["number"]: judge(outcome).false_names for outcome in found}
     assert all(name in false[number] for number, name in reach)
+
+
+def test_what_decision_19_says_of_two_studies():
+    begun = found_in(ROOT / "docs/trial/begun_2")
+    humps = [o for o in begun if any(e["id"] == "stribeck" for e in o["truth"]["effects"])]
+    drags = [o for o in humps if any(f["id"] == "quadratic_drag" for f in o["answer"]["diagnosis"]["findings"])]
+    assert (len(begun), len(humps), len(drags)) == (96, 7, 5)
+    doubtful = [
+        (f"{f['id']}@{f['where']}" in judge(outcome).false_names, outcome["trial"]["kind"])
+        for outcome in (*found_in(ROOT / "docs/trial/seed_1"), *begun)
+        for f in outcome["answer"]["diagnosis"]["findings"]
+        if f["share_of_error_explained"] <= 0.02 and f["heldout_rms_after"] >= 0.99 * f["heldout_rms_before"]
+    ]
+    assert len(doubtful) == 7
+    assert sum(false for false, _ in doubtful) == 6
+    assert sum(kind == "null" for _, kind in doubtful) == 3
