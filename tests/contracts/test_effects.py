@@ -69,8 +69,9 @@ def test_does_something_when_present(effect):
             key = effect.key(where, parameter.name)
             start = parameter.starts[0]
             values[key] = 0.5 * start if values.get(key) == start else start
-        a, b = Drive(RIG).simulate(T, 1.5 * U), Drive(values).simulate(T, 1.5 * U)
-        assert not (np.array_equal(a.v1, b.v1) and np.array_equal(a.v2, b.v2))
+        # what holds a resting cart does nothing to one that is driven too hard to rest
+        runs = [(Drive(RIG).simulate(T, f * U), Drive(values).simulate(T, f * U)) for f in (1.5, 0.4, 0.2)]
+        assert any(np.abs([a.v1 - b.v1, a.v2 - b.v2]).max() > 1e-6 for a, b in runs)
 
 
 def test_parameters_have_one_place_each():
