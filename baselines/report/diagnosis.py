@@ -99,8 +99,16 @@ def _tiles(d: Diagnosis) -> list[dict[str, str]]:
             "caption": f"floor [{d.unit}]: what does not repeat between periods and replicates",
         },
     ]
+    if d.own_rms is not None and d.findings:
+        tiles.append(
+            {
+                "number": " → ".join(map(_number, d.own_rms)),
+                "caption": f"rms error [{d.unit}] there, every run with its own dry friction",
+            }
+        )
     reach = words.within_reach(d)
-    if math.isfinite(reach) and d.findings:
+    # friction that differs between runs can make a better drive miss a run in which a cart rests
+    if reach > 0.0 and d.findings:
         tiles.append({"number": f"{reach:.0%}", "caption": "of the squared error above the floor removed"})
     if d.findings:
         worst = max(f.false_alarm_probability for f in d.findings)
