@@ -1,13 +1,16 @@
 """What is found must be there: in every recording, and as the effect that it is called."""
 
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import pytest
 
 from flexdrive_gym import Drive
 from identification.mismatch.candidates import catalogue
+from identification.mismatch.prove import own_friction
 from identification.mismatch.proving import Proof, _vanishes
 from tests.drive.drives import RIG
+from tests.identification.mismatch.lab import SHORT, short_day, workbench
 
 
 @pytest.mark.parametrize(("interval", "vanishes"), [((0.013, 0.035), True), ((0.03, 0.2), False)])
@@ -35,3 +38,16 @@ def test_bristles_that_may_be_stiff_are_dry_friction(interval, vanishes):
 )
 def test_what_is_small_must_be_plain_in_recordings_kept_away(share, learnt, kept, ratio, holds):
     assert Proof(SimpleNamespace(), 8.0, 8.0, share, learnt, kept, ratio).holds is holds
+
+
+def test_every_run_is_met_with_its_own_friction():
+    rubbing = {"d2": 1.3 * RIG["d2"]}
+    day = [*short_day(kinds=SHORT[1:2]), *short_day(rubbing, kinds=SHORT[1:2])]
+    with ThreadPoolExecutor(2) as pool:
+        bench = workbench(day, pool)
+        bench.weigh(bench.residual(RIG))
+        usual, other = own_friction(bench, RIG, 0.1)
+    assert usual["d2"] == pytest.approx(RIG["d2"], rel=0.06)
+    assert other["d2"] == pytest.approx(rubbing["d2"], rel=0.06)
+    # nothing but friction is a run's own
+    assert {k: v for k, v in other.items() if k[0] != "d"} == {k: v for k, v in RIG.items() if k[0] != "d"}
