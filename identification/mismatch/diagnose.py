@@ -14,12 +14,13 @@ import numpy as np
 from flexdrive_gym import Drive
 from flexdrive_gym.recording import Recording
 from identification.likelihood import MaximumLikelihood, identify_by_likelihood
+from identification.mismatch.excess import excess
 from identification.mismatch.lines import strongest_line
 from identification.mismatch.maps import Map, draw_maps, harmonics
 from identification.mismatch.missing_force import MissingForce, missing_force
 from identification.mismatch.prove import loop_fits, own_rms, total, velocity_fits
 from identification.mismatch.proving import Proof, Proving, held_of, keys_of
-from identification.mismatch.rounds import LEVEL, Progress
+from identification.mismatch.rounds import LEVEL, Progress, Stage
 from identification.mismatch.search import Search, Step, search
 from identification.mismatch.shapes import Shape, likeness
 from identification.mismatch.spatial import periods
@@ -190,7 +191,7 @@ class _Diagnosing:
         )
         # the proofs fit drives without any such freedom
         self.friction_spread = self.bench.spread.get("friction", 0.0)
-        shape, overrules = left_unnamed(found)
+        left, overrules = left_unnamed(found)
         say("proving on recordings kept away")
         proofs, before_values, after_values, drive = proving.certain(found, () if overrules else found.steps)
         fits = velocity_fits(before_values, after_values, split.learn, self.runs, self.pool, held_out=False)
@@ -199,11 +200,11 @@ class _Diagnosing:
         fits += loop_fits(before, after, split.loops)
         proof = total(fits, held_out=True) if split.prove else total(fits)
         own = None
-        if self.friction_spread:
+        if self.friction_spread and proofs:
             kept = split.prove or split.learn
             own = own_rms(before_values, after_values, kept, self.pool, self.friction_spread)
         findings = self.findings(proofs, drive)
-        unnamed = self.rhythm(found) or self.excess(found) if shape is None else self.describe(shape, found)
+        unnamed = self.describe(*left) if left else (self.rhythm(found) or self.excess(found))
         return Diagnosis(
             verdict=_verdict(findings, unnamed, proof),
             faults=tuple(f for r in self.runs for f in r.faults),
@@ -237,8 +238,7 @@ class _Diagnosing:
             own_rms=own,
         )
 
-    def describe(self, shape: Shape, found: Search) -> Unnamed:
-        stage = found.stages[0] if any(shape is s for s in found.first_shapes) else found.last
+    def describe(self, shape: Shape, stage: Stage) -> Unnamed:
         nearest = likeness(self.bench, shape, stage.screened)
         return Unnamed(shape.where, shape.predicted, shape.sentence, tuple(nearest[:3]))
 
@@ -257,15 +257,17 @@ class _Diagnosing:
 
         What surrounds the two rigs that this was learnt from says nothing on a rig of which there is one recording.
         """
-        excess = found.last.excess
-        if self.bench.parts or excess.probability > LEVEL:
+        if self.bench.parts:
             return None
-        most = " and ".join(f"{self.bench.runs[r].name} ({share:.0%})" for r, share in excess.runs)
+        beyond = excess(self.bench, found.last.null, found.last.before)
+        if beyond.probability > LEVEL:
+            return None
+        most = " and ".join(f"{self.bench.runs[r].name} ({share:.0%})" for r, share in beyond.runs)
         acts = (
-            f"nothing that was looked at, but is more than a rig's own restlessness makes (p = {excess.probability:.2g}); most "
+            f"nothing that was looked at, but is more than a rig's own restlessness makes (p = {beyond.probability:.2g}); most "
             f"of it in {most}"
         )
-        return Unnamed(excess.where, excess.share, acts, ())
+        return Unnamed(beyond.where, beyond.share, acts, ())
 
     def findings(self, proofs: Sequence[Proof], drive: Drive) -> tuple[Finding, ...]:
         result = []
@@ -303,8 +305,8 @@ class _Diagnosing:
         return tuple(notes)
 
 
-def left_unnamed(found: Search) -> tuple[Shape | None, bool]:
-    """Return the free shape that no name fits, if there is one, and whether it overrules all names.
+def left_unnamed(found: Search) -> tuple[tuple[Shape, Stage] | None, bool]:
+    """Return the free shape that no name fits with its round, if there is one, and whether it overrules all names.
 
     A shape that goes far beyond everything that was named together, before the names or beside them, says that they were only the
     nearest ones. One that is left beside names counts by its share of all that was to be explained: what a name's own law
@@ -312,14 +314,14 @@ def left_unnamed(found: Search) -> tuple[Shape | None, bool]:
     """
     named = 1.0 - float(np.prod([1.0 - s.rival.gain for s in found.steps]))
     most = _SHAPE_LEAD * named
-    rounds = [(found.last_shapes, _SHAPE_GAIN, 1.0 - named)]
+    rounds = [(found.last, found.last_shapes, _SHAPE_GAIN, 1.0 - named)]
     if found.steps:
-        rounds.insert(0, (found.first_shapes, max(_SHAPE_GAIN, most), 1.0))
-    for shapes, least, left in rounds:
+        rounds.insert(0, (found.stages[0], found.first_shapes, max(_SHAPE_GAIN, most), 1.0))
+    for stage, shapes, least, left in rounds:
         for shape in shapes:
             share = shape.predicted * left
             if share >= least and shape.probability <= LEVEL:
-                return shape, bool(found.steps) and share >= most
+                return (shape, stage), bool(found.steps) and share >= most
     return None, False
 
 

@@ -16,9 +16,10 @@ from flexdrive_gym.recording import FloatArray, Recording
 from identification.floor import measure_floor
 from identification.mismatch.refit import refit
 from identification.mismatch.settle import absorb
+from identification.mismatch.surroundings import rubbed
 from identification.mismatch.verdict import RecordingFit
 from identification.mismatch.workbench import View, Workbench
-from identification.output_error import prepare, simulate_run
+from identification.output_error import Run, prepare, simulate_run
 from identification.validation import simulate_like
 
 _PLACES = 24
@@ -88,21 +89,18 @@ def velocity_fits(
         recording, offset = item
         run = prepare(recording)
         run.track[:] += offset
-        rms = [
-            float(
-                np.sqrt(
-                    np.mean(
-                        np.concatenate([(m - s)[k] for m, s, k in zip(run.measured, sim, run.keep, strict=True)]) ** 2
-                    )
-                )
-            )
-            for sim in (simulate_run(before, run), simulate_run(after, run))
-        ]
+        rms = [_rms(values, run) for values in (before, after)]
         own = [f for f in floors.get(recording.name, []) if np.isfinite(f)]
         floor = float(np.sqrt(np.mean(np.square(own)))) if own else float("nan")
         return RecordingFit(recording.name, rms[0], rms[1], floor, held_out)
 
     return list(pool.map(one, zip(recordings, places, strict=True)))
+
+
+def _rms(values: Mapping[str, float], run: Run) -> float:
+    simulation = simulate_run(values, run)
+    errors = [(m - s)[k] for m, s, k in zip(run.measured, simulation, run.keep, strict=True)]
+    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
 
 
 def tried_on(
@@ -119,7 +117,7 @@ def tried_on(
 
     Rough track and friction that differs from run to run are in both errors, often larger than what is to be proven. Among
     comparable residuals they hardly count; but a cart that rests in one run and moves in the next is no small change, so each
-    drive meets every run with that run's own dry friction, ``spread`` as likely as not from its own (:func:`own_friction`).
+    drive meets every run with that run's own dry friction (:func:`own_friction`).
     """
     bench = Workbench([prepare(r) for r in recordings], pool, parts=parts)
     bench.offsets = place(everything, recordings, pool)
@@ -141,13 +139,14 @@ def own_rms(
     bench = Workbench([prepare(r) for r in recordings], pool)
     bench.offsets = place(after, recordings, pool)
     bench.weigh(bench.residual(before))
-    both = [own_friction(bench, values, spread) for values in (before, after)]
-    fits = [
-        fit
-        for r, b, a in zip(recordings, *both, strict=True)
-        for fit in velocity_fits(b, a, [r], [r], pool, held_out=True)
-    ]
-    return total(fits)[:2]
+    drives = [own_friction(bench, values, spread) for values in (before, after)]
+    for run, offset in zip(bench.runs, bench.offsets, strict=True):
+        run.track[:] += offset
+    low, high = (
+        float(np.sqrt(np.mean([_rms(values, run) ** 2 for values, run in zip(own, bench.runs, strict=True)])))
+        for own in drives
+    )
+    return low, high
 
 
 def _own(bench: Workbench, values: Mapping[str, float], spread: float) -> FloatArray:
@@ -160,16 +159,19 @@ def _own(bench: Workbench, values: Mapping[str, float], spread: float) -> FloatA
 def own_friction(bench: Workbench, values: Mapping[str, float], spread: float) -> list[dict[str, float]]:
     """Return, for every run, the drive with the dry friction that suits the run best.
 
-    Friction of each cart changes by a factor, with a normal prior whose standard deviation is ``spread``. One number per run and
-    cart is no physics: it is what differs between two runs of the same rig.
+    Friction of each cart changes by a factor, whose logarithm has a normal prior with standard deviation ``spread``. One number
+    per run and cart is no physics: it is what differs between two runs of the same rig.
     """
     carts = range(len(bench.runs[0].keep))
+
+    def met(steps: Sequence[float]) -> dict[str, float]:
+        return rubbed(values, [float(np.exp(step * spread)) for step in steps])
 
     def one(r: int) -> dict[str, float]:
         weights = bench.weights[bench.rows.of(r)]
 
         def cost(steps: Sequence[float]) -> float:
-            e = weights * bench.blocks(_rubbed(values, steps, spread), r)
+            e = weights * bench.blocks(met(steps), r)
             return float(e @ e + np.sum(np.square(steps)))
 
         steps = [0.0] * len(carts)
@@ -181,19 +183,9 @@ def own_friction(bench: Workbench, values: Mapping[str, float], spread: float) -
                     found = cost(other)
                     if found < best:
                         best, steps = found, other
-        return _rubbed(values, steps, spread)
+        return met(steps)
 
     return list(bench.pool.map(one, range(len(bench.runs))))
-
-
-def _rubbed(values: Mapping[str, float], steps: Sequence[float], spread: float) -> dict[str, float]:
-    """Return a drive all of whose dry friction is changed, per cart by so many standard deviations."""
-    changed = dict(values)
-    for c, step in enumerate(steps, 1):
-        factor = float(np.exp(step * spread))
-        keys = (f"d{c}", f"presliding.cart_{c}.fd", f"stribeck.cart_{c}.extra", f"breakaway.cart_{c}.extra")
-        changed |= {k: factor * values[k] for k in keys if k in values}
-    return changed
 
 
 def loop_fits(before: Drive, after: Drive, recordings: Sequence[Recording]) -> list[RecordingFit]:

@@ -12,7 +12,6 @@ from flexdrive_gym.drive.effects import EFFECTS, LAYOUT
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.candidates import Candidate, bounds, catalogue, look_alikes
 from identification.mismatch.chance import Chance, chance, null_residuals
-from identification.mismatch.excess import Excess, excess
 from identification.mismatch.refit import Fit, refit
 from identification.mismatch.screening import Screened, orthonormal, screen
 from identification.mismatch.workbench import Columns, View, Workbench
@@ -90,8 +89,6 @@ class Stage:
         In which something stands out most from chance.
     null
         Raw residuals of the null draws, shape (N, draws).
-    excess
-        How much more error the model has than they have.
     runs
         Rows of every recording.
     """
@@ -101,7 +98,6 @@ class Stage:
     screened: tuple[Screened, ...]
     view: View
     null: FloatArray = field(repr=False)
-    excess: Excess
     runs: tuple[slice, ...] = field(repr=False)
 
     def behind(self, rival: Rival, best: Rival, draws: int = 999) -> float:
@@ -180,7 +176,7 @@ def stage(
     judged = [replace(r, gain=r.gains[where], probability=luck.probability(n, seen[n])) for n, r in best.items()]
     order = sorted(judged, key=lambda r: (not passes(r), -r.gain))
     runs = tuple(bench.rows.of(i) for i in range(len(bench.runs)))
-    return Stage(model, tuple(order), tuple(leaders), bench.views[where], null, excess(bench, null, model), runs)
+    return Stage(model, tuple(order), tuple(leaders), bench.views[where], null, runs)
 
 
 def screened_in(
@@ -298,11 +294,11 @@ def _moved_over(bench: Workbench, c: Candidate, model: Fit) -> list[Fit]:
     if extra not in c.keys or not level > 0.0:
         return []
     low, high = bounds(extra)
-    shapes: list[dict[str, float]] = [dict(c.shapes), {speed: _WIDE_MM_S}] if speed in c.keys else [{}]
+    some, much = _AT_REST
+    others = [(dict(c.shapes), some), ({speed: _WIDE_MM_S}, some)] if speed in c.keys else [({}, some), ({}, much)]
     starts = [
         {**model.values, **shape, dry: (1.0 - part) * level, extra: float(np.clip(part * level, low, high))}
-        for shape in shapes
-        for part in _AT_REST[: 3 - len(shapes)]
+        for shape, part in others
     ]
     return [refit(bench, start, (*model.names, *c.keys)) for start in starts]
 

@@ -29,6 +29,10 @@ WANDER, ROUGH, HILLS_V = 0.04, 0.03, 0.004
 _RESTING, _SMOOTH_S = 5.0, 0.004
 _LEAST_LEVEL_V = 0.05
 
+# dry friction of a cart: in motion, and besides at rest or nearly
+_SLIDING = ("d{0}", "presliding.cart_{0}.fd")
+_AT_REST = ("stribeck.cart_{0}.extra", "breakaway.cart_{0}.extra")
+
 Forces = Callable[[], Sequence[FloatArray]]
 
 
@@ -69,7 +73,16 @@ def against(v: FloatArray) -> FloatArray:
 
 def dry_level(values: Mapping[str, float], c: int) -> float:
     """Return a cart's dry friction in motion [V]; never nothing, for no rig is without."""
-    return max(values.get(f"d{c + 1}", 0.0) + values.get(f"presliding.cart_{c + 1}.fd", 0.0), _LEAST_LEVEL_V)
+    return max(sum(values.get(key.format(c + 1), 0.0) for key in _SLIDING), _LEAST_LEVEL_V)
+
+
+def rubbed(values: Mapping[str, float], factors: Sequence[float]) -> dict[str, float]:
+    """Return a drive with all dry friction of each cart multiplied."""
+    changed = dict(values)
+    for c, factor in enumerate(factors, 1):
+        keys = [key.format(c) for key in (*_SLIDING, *_AT_REST)]
+        changed |= {key: factor * values[key] for key in keys if key in values}
+    return changed
 
 
 def _hat(bench: Workbench, at: float, r: int) -> FloatArray:

@@ -139,7 +139,8 @@ class Diagnosis:
     tied
         The drive fitted with the handout's ratios, or ``None`` where they do not apply.
     own_rms
-        ``before_rms`` and ``after_rms`` with each run's own dry friction; ``None`` where no spread of friction is known.
+        ``before_rms`` and ``after_rms`` with each run's own dry friction; ``None`` where nothing was named or the spread of
+        friction is not known.
     notes
         Sentences a reader should see.
     maps, harmonics, forces, remaining

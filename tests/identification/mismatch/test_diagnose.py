@@ -53,23 +53,25 @@ def _searched(gains, first, last):
         return tuple(SimpleNamespace(predicted=p, probability=0.01) for p in predicted)
 
     steps = tuple(SimpleNamespace(rival=SimpleNamespace(gain=g)) for g in gains)
-    return SimpleNamespace(steps=steps, first_shapes=shapes(first), last_shapes=shapes(last))
+    return SimpleNamespace(
+        steps=steps, first_shapes=shapes(first), last_shapes=shapes(last), stages=("first",), last="last"
+    )
 
 
 @pytest.mark.parametrize(
     ("gains", "first", "last", "unnamed", "overrules"),
     [
-        ([], [0.2], [0.2], 0.2, False),
+        ([], [0.2], [0.2], (0.2, "last"), False),
         ([], [0.02], [0.02], None, False),
         # goes far beyond the names, before them or beside them
-        ([0.1], [0.3], [0.01], 0.3, True),
-        ([0.02], [0.03], [0.07], 0.07, True),
+        ([0.1], [0.3], [0.01], (0.3, "first"), True),
+        ([0.02], [0.03], [0.07], (0.07, "last"), True),
         # beside names that explain most of it
-        ([0.3], [0.3], [0.1], 0.1, False),
+        ([0.3], [0.3], [0.1], (0.1, "last"), False),
         ([0.9], [0.9], [0.3], None, False),
     ],
 )
 def test_a_shape_beyond_all_names_overrules_them(gains, first, last, unnamed, overrules):
-    shape, over = left_unnamed(_searched(gains, first, last))
-    assert (None if shape is None else shape.predicted) == unnamed
+    left, over = left_unnamed(_searched(gains, first, last))
+    assert (left and (left[0].predicted, left[1])) == unnamed
     assert over is overrules
