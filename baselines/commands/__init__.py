@@ -22,7 +22,6 @@ from baselines.commands import (
     train,
     validate,
 )
-from flexdrive_gym.version import __version__
 
 # the matrices here are small: threads of the linear algebra that spin for work cost more than they save, ten times as much on a
 # machine that has other things to do; set before numpy is imported, which commands do when they run
@@ -44,6 +43,8 @@ for _module in (
 
 def _version(value: bool) -> None:
     if value:
+        from flexdrive_gym.version import __version__  # noqa: PLC0415
+
         print(__version__)
         raise typer.Exit
 

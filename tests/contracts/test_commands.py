@@ -31,6 +31,12 @@ def flexdrive(*arguments, cwd=None):
     )
 
 
+def test_nothing_heavy_is_loaded_before_a_command_runs():
+    # numpy reads the number of its threads once, so the command line must have set it before
+    look = "import sys, baselines.commands; print('numpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, check=True).stdout == "False\n"
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """A few short recordings and a drive, as a user may have them."""
