@@ -79,7 +79,12 @@ def verdict_sentences(d: Diagnosis) -> list[str]:
         return ["No left-out physics is needed: nothing in the catalogue explains more than chance could.", leaves]
     if d.verdict == "unexplained":
         return ["Something is missing that has no name in the catalogue.", *([unnamed] if unnamed else []), leaves]
-    more = "" if d.verdict == "explained" else ", and something more that no name explains"
+    if d.verdict == "explained":
+        more = ""
+    elif d.unnamed is not None:
+        more = ", and something more that no name explains"
+    else:
+        more = ", and the error stays above the floor, without a shape that could be told from chance"
     return [f"The model left out: {names}{more}.", change, *([unnamed] if unnamed else [])]
 
 

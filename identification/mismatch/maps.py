@@ -50,7 +50,9 @@ class Map:
         i = int(np.argmax(np.abs(self.mean)))
         at = f"{self.centre[i]:.3g} {UNITS[self.variable]}"
         if self.explained < 0.02:
-            return f"the force missing on {_cart(self.where)} does not depend on {self.variable}"
+            return (
+                f"the force missing on {_cart(self.where)} is not predicted by {self.variable} in recordings left out"
+            )
         return (
             f"{self.explained:.0%} of the force missing on {_cart(self.where)} follows {self.variable}; "
             f"it is largest, {self.mean[i]:+.2f} V, at {self.variable} = {at}"

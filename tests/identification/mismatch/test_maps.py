@@ -55,7 +55,7 @@ def test_noise_follows_nothing():
     maps = [m for m in draw_maps(forces(hump)) if m.where == "cart_2"]
     assert len(maps) == 7
     assert all(m.explained < 0.02 for m in maps)
-    assert "does not depend on" in maps[0].sentence
+    assert "is not predicted by" in maps[0].sentence
 
 
 def test_harmonics_are_those_of_the_force():
