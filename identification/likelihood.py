@@ -48,6 +48,8 @@ _UNKNOWN = 300.0
 _STIFFER = (0.1, 0.3, 3.0, 10.0)
 # clusters that a covariance must have beyond the number of parameters
 _SPARE = 2
+# no mass or stiffness is less or more, in any unit that a rig is recorded in
+_LEAST, _MOST = 1e-9, 1e9
 _STOPPED = "the optimiser stopped before its tolerance was met"
 
 
@@ -167,9 +169,12 @@ class _Fit:
         self, values: Mapping[str, float], rounds: int, evaluations: int
     ) -> tuple[FloatArray, float, bool, dict[str, float]]:
         self.scale = np.array([max(values[n], 0.05 * _typical(n, values)) for n in self.names])
-        low = np.where(self.log, -np.inf, 0.0)
+        # what is tied to a parameter keeps within its own bounds, too
+        factors = {RATIOS[ratio][1]: factor for ratio, factor in self.ties.items()}
+        least = np.array([parameter(n).lower / min(factors.get(n, 1.0), 1.0) for n in self.names])
+        low = np.where(self.log, np.log(np.maximum(least, _LEAST)), 0.0)
         most = np.array([parameter(name).upper for name in self.names])
-        high = np.where(self.log, np.log(most), most / self.scale)
+        high = np.where(self.log, np.log(np.minimum(most, _MOST)), most / self.scale)
         z = np.clip(self.coordinates(values), low + 1e-9, high - 1e-9)
         cost, done = self.reweight(z), False
         for _ in range(rounds):
@@ -356,6 +361,12 @@ def _result(
             "add squares at two amplitudes and sines around the resonance"
         )
     remarks += [f"{n} rests at its bound 0" for n in fit.names if n not in _LOGARITHMIC and values[n] < 1e-8]
+    remarks += [
+        f"{n} rests at the bound {bound:g}: the model lacks something that these recordings have"
+        for n in fit.names
+        for bound in (_LEAST, _MOST)
+        if n in _LOGARITHMIC and abs(np.log(values[n] / bound)) < 1e-3
+    ]
     if _parts(len(used), len(z)) > 1:
         few = f"with fewer than {len(z) + _SPARE} recordings (here {len(used)})"
         remarks.append(f"{few} the intervals hold little of what differs from run to run")

@@ -202,6 +202,9 @@ def _predicted(bench: Workbench, beyond: FloatArray, e: FloatArray) -> float:
     H = [beyond[i].T @ beyond[i] for i in rows]
     g = [beyond[i].T @ e[i] for i in rows]
     ridge = 1e-3 * np.trace(sum(H)) / len(H[0]) * np.eye(len(H[0]))
+    if not ridge.any():
+        # the force does nothing that the fit does not
+        return 0.0
     gained = 0.0
     for r, i in enumerate(rows):
         force = -np.linalg.solve(sum(H) - H[r] + ridge, sum(g) - g[r])
