@@ -21,6 +21,8 @@ from flexdrive_gym.files import write_atomically
 
 # controllers are tried on one rig of so many
 _PAYOFF_EVERY = 5
+# a diagnosis that takes longer has failed; of 300 the slowest took four minutes
+LONGEST_S = 1800.0
 # one thread each: a study keeps the cores busy with trials
 _THREADS = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 
@@ -54,9 +56,8 @@ def conduct(trial: Trial, folder: Path) -> int:
             raise ValueError(f"trial {trial.number}: its rig could not be made: {made.stderr.strip()}")
         digest = made.stdout.split()[0]
         begin = time.perf_counter()
-        run = _python("baselines.trial.diagnosing", str(recordings), str(result), str(trial.seed), cwd=name)
+        failed = _diagnose(recordings, result, trial.seed)
         seconds = time.perf_counter() - begin
-        failed = None if run.returncode == 0 else run.stderr.strip().rsplit("\n", maxsplit=1)[-1]
         answer = json.loads(result.read_text()) if failed is None else None
     text = truth.read_text()
     if seal(text) != digest:
@@ -78,6 +79,24 @@ def conduct(trial: Trial, folder: Path) -> int:
     return trial.number
 
 
+def _diagnose(recordings: Path, result: Path, seed: int) -> str | None:
+    """Let another process diagnose a folder; return why it failed, if it did."""
+    try:
+        run = _python(
+            "baselines.trial.diagnosing",
+            str(recordings),
+            str(result),
+            str(seed),
+            cwd=str(result.parent),
+            longest=LONGEST_S,
+        )
+    except subprocess.TimeoutExpired:
+        return f"no answer within {LONGEST_S / 60:g} minutes"
+    if run.returncode == 0:
+        return None
+    return run.stderr.strip().rsplit("\n", maxsplit=1)[-1] or f"ended without a word, status {run.returncode}"
+
+
 def _payoff(rig: Truth, answer: Mapping[str, Any] | None) -> object:
     """Run controllers designed on the drives that the answer holds on the rig itself, if a named effect is concealed there."""
     if answer is None or not rig.effects or any(e.where == "outside" for e in rig.effects):
@@ -94,9 +113,12 @@ def _concealing(trial: Trial) -> list[str]:
     return arguments
 
 
-def _python(module: str, *arguments: str, cwd: str | None = None) -> subprocess.CompletedProcess[str]:
+def _python(
+    module: str, *arguments: str, cwd: str | None = None, longest: float | None = None
+) -> subprocess.CompletedProcess[str]:
     return subprocess.run(  # noqa: S603  (our own modules, no shell)
         [sys.executable, "-m", module, *arguments],
+        timeout=longest,
         capture_output=True,
         text=True,
         check=False,

@@ -18,6 +18,8 @@ MASS_PARAMETERS: dict[str, Parameter] = {
 
 # a refined step keeps |rate·h| below this, well inside RK4's stability limit of 2.78
 _STABLE = 1.0
+# where a step would be divided more often, an effect is as good as instantaneous, and a simulation would hardly end
+_MOST_STEPS = 10_000
 
 
 def parameter(name: str) -> Parameter:
@@ -107,14 +109,32 @@ _FAST = [
 ]
 
 
-def substeps(values: Mapping[str, float], sample_time: float, physics_step: float) -> int:
-    """Return how many physics steps a sample takes: no longer than asked, short enough for the fastest effect."""
-    rate = 0.0
+def fastest(values: Mapping[str, float]) -> tuple[float, str]:
+    """Return the fastest rate of any effect that is present [1/s], and which; 0 if none needs a shorter step."""
+    rate, which = 0.0, ""
     for keys, item in _FAST:
         if item.fastest_rate is not None and any(key in values and LAYOUT[key].switches for key in keys):
-            numbers = tuple(values.get(k, q.null) for k, q in zip(keys, item.parameters, strict=True))
-            rate = max(rate, item.fastest_rate(numbers))
+            own = item.fastest_rate(tuple(values.get(k, q.null) for k, q in zip(keys, item.parameters, strict=True)))
+            if own > rate:
+                rate, which = own, ", ".join(f"{k} = {values[k]:.3g}" for k in keys if k in values)
+    return rate, which
+
+
+def substeps(values: Mapping[str, float], sample_time: float, physics_step: float) -> int:
+    """Return how many physics steps a sample takes: no longer than asked, short enough for the fastest effect.
+
+    Raises
+    ------
+    ValueError
+        If an effect is so fast that a simulation would hardly end, naming its parameters.
+    """
+    rate, which = fastest(values)
     h = min(physics_step, _STABLE / rate) if rate > 0.0 else physics_step
+    if not h * _MOST_STEPS > min(sample_time, physics_step):
+        raise ValueError(
+            f"{which}: moves at {rate:.3g} 1/s, and at most {_MOST_STEPS} steps are taken instead of one of "
+            f"{min(sample_time, physics_step):g} s. Take a larger mass or a softer contact, or leave the effect out."
+        )
     return max(1, ceil(sample_time / h - 1e-9))
 
 

@@ -16,13 +16,16 @@ from math import isfinite
 import numpy as np
 
 from flexdrive_gym.drive.effects import LAYOUT
-from flexdrive_gym.drive.parameters import parameter
+from flexdrive_gym.drive.parameters import fastest, parameter
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.workbench import View, Workbench
+from identification.output_error import PHYSICS_S
 
 _STEP = 2e-3
 # a step that gains more than this share went too far for sensitivities to be carried along it
 _FAR = 0.05
+# rate of an effect, times a step of the physics, beyond which it is not followed
+_FINEST = 50.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,6 +186,10 @@ def refit(
             longest = float(np.max(np.abs(step / np.where(c.log, 0.7, np.maximum(2.0, 2.0 * np.abs(z))))))
             new = np.clip(z + step / max(1.0, longest), c.low, c.high)
             trial = c.to(new, values)
+            if fastest(trial)[0] * PHYSICS_S > _FINEST:
+                # what is so fast is as good as instantaneous, and would be simulated for hours
+                damping = max(damping, 1e-3) * 10.0
+                continue
             raw_new = bench.residual(trial)
             e_new = bench.seen(view, raw_new)
             cost_new = float(e_new @ e_new)

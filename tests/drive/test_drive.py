@@ -188,6 +188,13 @@ def test_too_long_a_delay_is_refused():
         drive.simulate(np.arange(100) * 1e-4, np.zeros(100))
 
 
+def test_an_effect_too_fast_to_follow_is_refused():
+    # a simulation of it would hardly end
+    drive = Drive({**RIG, "motor_gear_backlash.mass": 1e-20})
+    with pytest.raises(ValueError, match=r"motor_gear_backlash.mass = 1e-20.*at most 10000 steps.*larger mass"):
+        drive.simulate(T, np.zeros_like(T))
+
+
 def test_recording_checks_shapes():
     run = Drive(RIG).simulate(T, np.zeros(len(T)))
     with pytest.raises(ValueError, match="v1: must have the shape of t"):

@@ -68,7 +68,7 @@ def test_the_diagnosing_process_is_told_of_the_recordings_only(monkeypatch, tmp_
     told = []
     real = one._python
 
-    def watched(module, *arguments, cwd=None):
+    def watched(module, *arguments, cwd=None, longest=None):
         told.append((module, arguments, cwd))
         if module == "baselines.trial.diagnosing":
             return subprocess.CompletedProcess([], 1, "", "Traceback\nValueError: enough seen")
@@ -86,10 +86,18 @@ def test_the_diagnosing_process_is_told_of_the_recordings_only(monkeypatch, tmp_
     assert judge(written).failed
 
 
+def test_a_diagnosis_that_does_not_end_or_dies_has_failed(monkeypatch, tmp_path):
+    monkeypatch.setattr(one, "_python", lambda *_a, **_k: subprocess.CompletedProcess([], -9, "", ""))
+    assert one._diagnose(tmp_path, tmp_path / "answer.json", 0) == "ended without a word, status -9"
+    monkeypatch.undo()
+    monkeypatch.setattr(one, "LONGEST_S", 0.06)
+    assert one._diagnose(tmp_path, tmp_path / "answer.json", 0) == "no answer within 0.001 minutes"
+
+
 def test_a_truth_that_was_changed_is_noticed(monkeypatch, tmp_path):
     real = one._python
 
-    def tampered(module, *arguments, cwd=None):
+    def tampered(module, *arguments, cwd=None, longest=None):
         if module != "baselines.trial.diagnosing":
             return real(module, *arguments, cwd=cwd)
         truth = one.sealed(tmp_path, 0)

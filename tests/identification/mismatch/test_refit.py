@@ -1,0 +1,35 @@
+"""A refit finds what is there, and goes nowhere that cannot be simulated."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from flexdrive_gym.drive.parameters import fastest
+from identification.mismatch import refit as module
+from identification.mismatch.refit import refit
+from identification.output_error import PHYSICS_S
+from tests.drive.drives import RIG
+from tests.identification.mismatch.lab import short_day, workbench
+
+PLAY = {"motor_gear_backlash.mass": 1e-4, "motor_gear_backlash.gap": 0.1, "motor_gear_backlash.kc": 5.0}
+
+
+@pytest.fixture(scope="module")
+def bench():
+    with ThreadPoolExecutor(2) as pool:
+        made = workbench(short_day()[:2], pool)
+        made.weigh(made.residual(RIG))
+        yield made
+
+
+def test_a_motor_that_is_not_there_is_not_followed_to_nothing(bench, monkeypatch):
+    # its rate grows beyond all bounds as its mass vanishes
+    begin = fastest(PLAY)[0] * PHYSICS_S
+    monkeypatch.setattr(module, "_FINEST", 1.5 * begin)
+    found = refit(bench, {**RIG, **PLAY}, (*RIG, *PLAY), iterations=4)
+    assert fastest(found.values)[0] * PHYSICS_S <= 1.5 * begin
+
+
+def test_a_wrong_mass_is_put_right(bench):
+    found = refit(bench, {**RIG, "m2": 1.3 * RIG["m2"]}, ("m2",))
+    assert found.values["m2"] == pytest.approx(RIG["m2"], rel=0.02)
