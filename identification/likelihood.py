@@ -28,18 +28,16 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 from flexdrive_gym import Covariance, Drive, Provenance, __version__
-from flexdrive_gym.drive.parameters import parameter
 from flexdrive_gym.recording import FloatArray, Recording
+from identification.descent import LOGARITHMIC, Descent
 from identification.equation_error import start_values
-from identification.output_error import Run, block_residuals, prepare, residuals
+from identification.output_error import Run, prepare, residuals
 from identification.quantities import HANDOUT_RATIOS, RATIOS, Quantity, derived_quantities
 from identification.topology import Topology, topology_of
 
-_LOGARITHMIC = frozenset({"m1", "m2", "k"})
 _ROUNDS = 3
 _COARSE = 8
 # a logarithm this uncertain says nothing, and its exponential is still a number
@@ -48,8 +46,6 @@ _UNKNOWN = 300.0
 _STIFFER = (0.1, 0.3, 3.0, 10.0)
 # clusters that a covariance must have beyond the number of parameters
 _SPARE = 2
-# no mass or stiffness is less or more, in any unit that a rig is recorded in
-_LEAST, _MOST = 1e-9, 1e9
 _STOPPED = "the optimiser stopped before its tolerance was met"
 
 
@@ -110,90 +106,6 @@ class MaximumLikelihood:
         return "\n".join([*lines, *(f"  note: {note}" for note in self.notes)])
 
 
-class _Fit:
-    """Weighted least squares in scaled coordinates: masses and stiffness as logarithms, friction relative to its start."""
-
-    def __init__(
-        self,
-        runs: Sequence[Run],
-        names: Sequence[str],
-        ties: Mapping[str, float],
-        fixed: Mapping[str, float],
-        pool: ThreadPoolExecutor,
-    ) -> None:
-        self.runs, self.names, self.ties, self.fixed, self.pool = runs, tuple(names), ties, fixed, pool
-        self.log = np.array([name in _LOGARITHMIC for name in names])
-        self.scale = np.ones(len(names))
-        self.weights: list[float] = []
-
-    def values(self, z: FloatArray) -> dict[str, float]:
-        theta = np.where(self.log, np.exp(np.where(self.log, z, 0.0)), z * self.scale)
-        values = {**self.fixed, **{name: float(x) for name, x in zip(self.names, theta, strict=True)}}
-        for ratio, factor in self.ties.items():
-            dependent, free = RATIOS[ratio]
-            values[dependent] = factor * values[free]
-        return values
-
-    def coordinates(self, values: Mapping[str, float]) -> FloatArray:
-        theta = np.array([values[name] for name in self.names])
-        return np.where(self.log, np.log(np.maximum(theta, 1e-9)), theta / self.scale)
-
-    def residuals(self, z: FloatArray, *, parallel: bool = True) -> FloatArray:
-        parts = block_residuals(self.values(z), self.runs, self.pool if parallel else None)
-        return np.concatenate([r * w for r, w in zip(parts, self.weights, strict=True)])
-
-    def jacobian(self, z: FloatArray) -> FloatArray:
-        # a step far above round-off: stick-slip makes the residuals smooth only piece by piece
-        step = 1e-3
-
-        def column(i: int) -> FloatArray:
-            up = z.copy()
-            up[i] += step
-            return (self.residuals(up, parallel=False) - here) / step
-
-        here = self.residuals(z)
-        return np.column_stack(list(self.pool.map(column, range(len(z)))))
-
-    def reweight(self, z: FloatArray) -> float:
-        """Set the weights from the residuals at z; return the negative log-likelihood there."""
-        parts = block_residuals(self.values(z), self.runs, self.pool)
-        n = np.array([len(r) for r in parts])
-        own = np.array([float(r @ r) / max(len(r), 1) for r in parts])
-        floor = np.array([f for run in self.runs for f in run.floor])
-        error = max(float((own - floor) @ n / n.sum()), 0.01 * float(own @ n / n.sum()))
-        variances = floor + error
-        self.weights = [float(w) for w in 1.0 / np.sqrt(variances)]
-        return float(0.5 * np.sum(n * (np.log(variances) + own / variances)))
-
-    def descend(
-        self, values: Mapping[str, float], rounds: int, evaluations: int
-    ) -> tuple[FloatArray, float, bool, dict[str, float]]:
-        self.scale = np.array([max(values[n], 0.05 * _typical(n, values)) for n in self.names])
-        # what is tied to a parameter keeps within its own bounds, too
-        factors = {RATIOS[ratio][1]: factor for ratio, factor in self.ties.items()}
-        least = np.array([parameter(n).lower / min(factors.get(n, 1.0), 1.0) for n in self.names])
-        low = np.where(self.log, np.log(np.maximum(least, _LEAST)), 0.0)
-        most = np.array([parameter(name).upper for name in self.names])
-        high = np.where(self.log, np.log(np.minimum(most, _MOST)), most / self.scale)
-        z = np.clip(self.coordinates(values), low + 1e-9, high - 1e-9)
-        cost, done = self.reweight(z), False
-        for _ in range(rounds):
-            found = least_squares(
-                self.residuals, z, self.jacobian, (low, high), ftol=1e-5, xtol=1e-5, max_nfev=evaluations
-            )
-            z, previous = np.clip(found.x, low + 1e-9, high - 1e-9), cost
-            cost, done = self.reweight(z), found.status > 0
-            if abs(previous - cost) < 1e-5 * abs(cost):
-                break
-        return z, cost, done, self.values(z)
-
-
-def _typical(name: str, values: Mapping[str, float]) -> float:
-    """Size against which a friction of zero is small."""
-    same = [v for n, v in values.items() if n[0] == name[0]]
-    return max([*same, 1e-6])
-
-
 def identify_by_likelihood(
     recordings: Sequence[Recording],
     *,
@@ -247,10 +159,10 @@ def identify_by_likelihood(
     with ThreadPoolExecutor(threads or len(os.sched_getaffinity(0))) as pool:
         # a few recordings tell which start leads to the best valley; all of them then find its bottom
         some = runs[:: max(1, round(len(runs) / _COARSE))]
-        coarse = _Fit(some, names, ties, fixed, pool)
+        coarse = Descent(some, names, ties, fixed, pool)
         tried = {label: coarse.descend(values, 1, 8) for label, values in _starts(begin, start, topology).items()}
         best = min(tried, key=lambda label: tried[label][1])
-        fit = _Fit(runs, names, ties, fixed, pool)
+        fit = Descent(runs, names, ties, fixed, pool)
         z, cost, done, _values = fit.descend(tried[best][3], _ROUNDS, 30)
         costs = {label: float(item[1]) for label, item in tried.items()} | {f"{best}, refined": float(cost)}
         return _result(fit, z, used, costs, notes if done else [*notes, _STOPPED])
@@ -311,7 +223,7 @@ def _parts(runs: int, parameters: int) -> int:
     return -(-(parameters + _SPARE) // runs)
 
 
-def _covariance(fit: _Fit, z: FloatArray) -> tuple[FloatArray, float, int]:
+def _covariance(fit: Descent, z: FloatArray) -> tuple[FloatArray, float, int]:
     """Sandwich covariance of z, effective sample size, and number of clusters."""
     J, r = fit.jacobian(z), fit.residuals(z)
     scores = J * r[:, None]
@@ -335,7 +247,7 @@ def _covariance(fit: _Fit, z: FloatArray) -> tuple[FloatArray, float, int]:
 
 
 def _result(
-    fit: _Fit, z: FloatArray, used: Sequence[Recording], costs: Mapping[str, float], notes: Sequence[str]
+    fit: Descent, z: FloatArray, used: Sequence[Recording], costs: Mapping[str, float], notes: Sequence[str]
 ) -> MaximumLikelihood:
     values = fit.values(z)
     channels = channel_fits(values, fit.runs, fit.pool)
@@ -349,7 +261,7 @@ def _result(
     intervals = {
         # masses and stiffness were fitted as logarithms, so their intervals are ratios
         name: (float(v * np.exp(-s / v)), float(v * np.exp(min(s / v, _UNKNOWN))))
-        if name in _LOGARITHMIC
+        if name in LOGARITHMIC
         else (max(0.0, float(v - s)), float(v + s))
         for name, v, s in zip(fit.names, (values[n] for n in fit.names), spread, strict=True)
     }
@@ -360,12 +272,10 @@ def _result(
             f"{', '.join(unknown)}: not identifiable from these recordings (the interval is wider than twice the value); "
             "add squares at two amplitudes and sines around the resonance"
         )
-    remarks += [f"{n} rests at its bound 0" for n in fit.names if n not in _LOGARITHMIC and values[n] < 1e-8]
+    remarks += [f"{n} rests at its bound 0" for n in fit.names if n not in LOGARITHMIC and values[n] < 1e-8]
     remarks += [
-        f"{n} rests at the bound {bound:g}: the model lacks something that these recordings have"
-        for n in fit.names
-        for bound in (_LEAST, _MOST)
-        if n in _LOGARITHMIC and abs(np.log(values[n] / bound)) < 1e-3
+        f"{n} rests at its bound {values[n]:.3g}: the model lacks something that these recordings have"
+        for n in fit.resting(z)
     ]
     if _parts(len(used), len(z)) > 1:
         few = f"with fewer than {len(z) + _SPARE} recordings (here {len(used)})"

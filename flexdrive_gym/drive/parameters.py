@@ -109,14 +109,15 @@ _FAST = [
 ]
 
 
-def fastest(values: Mapping[str, float]) -> tuple[float, str]:
-    """Return the fastest rate of any effect that is present [1/s], and which; 0 if none needs a shorter step."""
-    rate, which = 0.0, ""
+def fastest(values: Mapping[str, float]) -> tuple[float, tuple[str, ...]]:
+    """Return the fastest rate of any effect that is present [1/s], and the effect's keys; 0 if none needs a shorter step."""
+    rate = 0.0
+    which: tuple[str, ...] = ()
     for keys, item in _FAST:
         if item.fastest_rate is not None and any(key in values and LAYOUT[key].switches for key in keys):
             own = item.fastest_rate(tuple(values.get(k, q.null) for k, q in zip(keys, item.parameters, strict=True)))
             if own > rate:
-                rate, which = own, ", ".join(f"{k} = {values[k]:.3g}" for k in keys if k in values)
+                rate, which = own, keys
     return rate, which
 
 
@@ -130,10 +131,12 @@ def substeps(values: Mapping[str, float], sample_time: float, physics_step: floa
     """
     rate, which = fastest(values)
     h = min(physics_step, _STABLE / rate) if rate > 0.0 else physics_step
-    if not h * _MOST_STEPS > min(sample_time, physics_step):
+    whole = min(sample_time, physics_step)
+    if h * _MOST_STEPS <= whole:
+        given = ", ".join(f"{k} = {values[k]:.3g}" for k in which if k in values)
         raise ValueError(
-            f"{which}: moves at {rate:.3g} 1/s, and at most {_MOST_STEPS} steps are taken instead of one of "
-            f"{min(sample_time, physics_step):g} s. Take a larger mass or a softer contact, or leave the effect out."
+            f"{given}: moves at {rate:.3g} 1/s, and at most {_MOST_STEPS} steps are taken instead of one of {whole:g} s. "
+            "Choose values that make the effect slower, or leave it out."
         )
     return max(1, ceil(sample_time / h - 1e-9))
 

@@ -5,6 +5,7 @@ import json
 
 import pytest
 
+from baselines.payoff import Payoff
 from baselines.trial.judge import judge
 from baselines.trial.plan import plan
 from baselines.trial.study import outcomes, settings
@@ -29,6 +30,50 @@ def test_every_figure_is_the_study_s():
         assert f"| {what} | {value} | {aim} |" in page
     assert rows[0][1] in readme
     assert f"flexdrive blind --report -o docs/trial/{LATEST.name}" in readme
+
+
+@pytest.mark.parametrize("folder", [*STUDIES, ROOT / "docs/trial/begun_2"], ids=lambda f: f.name)
+def test_studies_are_compared_by_their_figures(folder):
+    row = next(line for line in read("docs/trial.md").splitlines() if line.startswith(f"| `docs/trial/{folder.name}`"))
+    found = {what: value for what, value, _ in headline(summarise([judge(outcome) for outcome in found_in(folder)]))}
+    nulls, pairs, unnamed, unnoticed = (
+        found[what].split(" = ")[0]
+        for what in (
+            "nulls with a name",
+            "pairs, both named",
+            "effects outside the catalogue reported as unnamed",
+            "effects outside the catalogue not noticed",
+        )
+    )
+    singles = found["single effects from half size on, named exactly or in a tie"].split(" (")[0]
+    assert f"| {singles} | {nulls} | {pairs} | {unnamed.split()[0]} and {unnoticed} |" in row
+    seconds = float(row.rstrip("| ").rsplit("| ", maxsplit=1)[-1])
+    assert abs(seconds - float(found["seconds per diagnosis on one core, median"])) < 0.5
+
+
+def test_where_the_last_study_fell_short():
+    found = found_in(ROOT / "docs/trial/seed_3")
+    judged = [judge(outcome) for outcome in found]
+    failed = [outcome["trial"]["number"] for outcome in found if outcome["failed"] is not None]
+    assert failed == [55, 71]
+    bound = [
+        (c.size, t.kind == "effect", c.named != "missed")
+        for t in judged
+        for c in t.concealed
+        if c.id in {"position_friction", "ground_spring"} and c.size >= 0.5
+    ]
+    assert [named for size, alone, named in bound if alone] == 4 * [False]
+    assert [named for size, alone, named in bound if not alone and size == 2.0] == 3 * [True]
+    unstable = [
+        outcome
+        for outcome in found
+        if outcome["payoff"]
+        and not all(r.stable for r in Payoff.from_json(outcome["payoff"]).outcomes if r.drive == "diagnosed")
+    ]
+    assert sum(outcome["payoff"] is not None for outcome in found) == 26
+    assert len(unstable) == 2
+    for outcome in unstable:
+        assert "hardening_spring" in {f["id"] for f in outcome["answer"]["diagnosis"]["findings"]}
 
 
 @pytest.mark.parametrize("folder", [*STUDIES, ROOT / "docs/trial/begun_2"], ids=lambda f: f.name)

@@ -191,7 +191,9 @@ def test_too_long_a_delay_is_refused():
 def test_an_effect_too_fast_to_follow_is_refused():
     # a simulation of it would hardly end
     drive = Drive({**RIG, "motor_gear_backlash.mass": 1e-20})
-    with pytest.raises(ValueError, match=r"motor_gear_backlash.mass = 1e-20.*at most 10000 steps.*larger mass"):
+    with pytest.raises(
+        ValueError, match=r"motor_gear_backlash.mass = 1e-20.*at most 10000 steps.*make the effect slower"
+    ):
         drive.simulate(T, np.zeros_like(T))
 
 

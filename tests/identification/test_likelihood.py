@@ -127,7 +127,7 @@ def test_a_sensor_without_sign_leaves_a_drive_within_its_bounds(day, ties):
     # no drive moves so: the fit runs to a bound and says so, for a diagnosis must start from something
     found = identify_by_likelihood([replace(r, v2=np.abs(r.v2)) for r in day], ties=ties)
     assert all(found.drive[name] >= 1e-9 for name in ("m1", "m2", "k"))
-    assert any("rests at the bound" in note for note in found.notes)
+    assert any("rests at its bound 1e-09: the model lacks" in note for note in found.notes)
 
 
 def test_unknown_ties_are_refused(day):

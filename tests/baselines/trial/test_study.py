@@ -90,7 +90,7 @@ def test_a_diagnosis_that_does_not_end_or_dies_has_failed(monkeypatch, tmp_path)
     monkeypatch.setattr(one, "_python", lambda *_a, **_k: subprocess.CompletedProcess([], -9, "", ""))
     assert one._diagnose(tmp_path, tmp_path / "answer.json", 0) == "ended without a word, status -9"
     monkeypatch.undo()
-    monkeypatch.setattr(one, "LONGEST_S", 0.06)
+    monkeypatch.setattr(one, "_LONGEST_S", 0.06)
     assert one._diagnose(tmp_path, tmp_path / "answer.json", 0) == "no answer within 0.001 minutes"
 
 
