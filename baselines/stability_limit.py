@@ -61,7 +61,7 @@ def swings(drive: Drive, gains: FloatArray, feedback: Feedback) -> FloatArray:
     Returns
     -------
     ndarray, shape (n,)
-        Peak to peak [mm].
+        Peak to peak [mm]; inf where the motion leaves all bounds.
     """
     rig = with_rig(drive)
     xr = point_to_point(np.arange(round(_DURATION_S / _SAMPLE_TIME_S)) * _SAMPLE_TIME_S)
@@ -218,6 +218,8 @@ def grows(recording: Recording) -> bool:
     error = recording.xr - recording.x2
     half = recording.n // 2
     first, second = float(np.ptp(error[:half])), float(np.ptp(error[half:]))
+    if not second < math.inf:  # a simulation that left all bounds
+        return True
     limit = recording.excitation.limit
     caught = limit is not None and float(np.mean(np.abs(recording.u[half:]) > 0.999 * limit)) > 0.05
     return second > _SWING_MM and (second > 1.4 * first or caught)

@@ -140,7 +140,7 @@ def summarise(trials: Sequence[Judged]) -> Summary:
         false_faults=share([t.false_faults > 0 for t in trials]),
         over_floor=(_median([t.before / t.floor for t in physics]), _median([t.after / t.floor for t in physics])),
         null_over_floor=_median([t.before / t.floor for t in trials if t.nothing and not t.failed]),
-        gain_error={drive: _median([_gain_error(t, drive) for t in physics]) for drive in DRIVES},
+        gain_error={drive: _median_gain_error(physics, drive) for drive in DRIVES},
         base=_accuracy([k for t in trials for k in t.base]),
         effects=_accuracy([k for t in trials for k in t.effects]),
         detection=_detection(single),
@@ -154,11 +154,17 @@ def _median(values: Sequence[float]) -> float:
     return float(np.median(finite)) if finite else float("nan")
 
 
-def _gain_error(trial: Judged, drive: str) -> float:
-    predicted = (trial.predicted or {}).get(drive)
-    if predicted is None or trial.critical_gain is None:
-        return float("nan")
-    return abs(predicted / trial.critical_gain - 1.0)
+def _gain_error(trial: Judged, drive: str) -> float | None:
+    """Return by which share a drive's critical gain is off: inf where it knows none, ``None`` where there is nothing to know."""
+    if trial.predicted is None or trial.critical_gain is None:
+        return None
+    predicted = trial.predicted.get(drive)
+    return float("inf") if predicted is None else abs(predicted / trial.critical_gain - 1.0)
+
+
+def _median_gain_error(trials: Sequence[Judged], drive: str) -> float:
+    errors = [e for t in trials if (e := _gain_error(t, drive)) is not None]
+    return float(np.median(errors)) if errors else float("nan")
 
 
 def _accuracy(known: Sequence[Known]) -> tuple[Accuracy, ...]:

@@ -7,6 +7,7 @@ Each is a loop over samples around :func:`~flexdrive_gym.drive.sample.advance` a
 
 from __future__ import annotations
 
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -152,7 +153,8 @@ def sweep_p_control(
 ) -> None:
     """For every gain, the peak-to-peak swing of x2 (x1 if rigid) [mm] over the last ``window`` samples, from rest.
 
-    ``swing`` (number of gains,) is written.
+    ``swing`` (number of gains,) is written; inf where the motion leaves all bounds, as on a spring that softens until it
+    pushes.
     """
     n = xr.shape[0]
     q, m, w = pointer(p), pointer(memory), pointer(z)
@@ -172,7 +174,8 @@ def sweep_p_control(
             t = i * sample_time
             x1, v1, x2, v2 = advance(x1, v1, x2, v2, u, t, sample_time, substeps, table, m, w, q)
             r1, r2, _s1, _s2 = measure(x1, v1, x2, v2, t + sample_time, sample_time, m, w, q)
-        swing[j] = high - low
+        # no comparison holds for nan, so a motion that became nan would have moved neither bound
+        swing[j] = high - low if abs(x1) + abs(x2) < inf else inf
 
 
 @kernel

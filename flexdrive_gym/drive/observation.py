@@ -18,8 +18,9 @@ _NOW_1, _NOW_2, _SPEED_1, _SPEED_2 = (row - READ_1 for row in (READ_1, READ_2, S
 @inlined
 def _entry(value: float, scale: float, bound: float) -> Any:
     # bounds are single precision: rounding before the clip gives the same and takes half of the clip's time
-    limit = np.float32(bound)
-    return min(max(np.float32(value * scale), -limit), limit)
+    limit, entry = np.float32(bound), np.float32(value * scale)
+    # in this order nan, of a drive that has run away, becomes the bound
+    return max(-limit, min(limit, entry))
 
 
 @inlined

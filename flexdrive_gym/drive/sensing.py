@@ -48,6 +48,8 @@ from flexdrive_gym.drive.layout import (
 )
 from flexdrive_gym.drive.sample import velocity
 
+_FAR_MM = 1e4
+
 
 @inlined
 def next_random(seeds: Any, j: int) -> float:
@@ -176,10 +178,12 @@ def _judged(i: int, scales: Any, q: Any, state: Any, work: Any) -> tuple[float, 
     x1, x2 = state[X1 + i], state[X2 + i]
     two = q[W2 * ROW + i] > 0.0
     error = work[REFERENCE + i] - (x2 if two else x1)
-    e, u = error * per_mm, state[COMMAND + i] * per_volt
+    # a drive that has run away may be past all numbers: what it is charged stays one
+    e, u = (error if abs(error) < _FAR_MM else _FAR_MM) * per_mm, state[COMMAND + i] * per_volt
     reach = max(abs(x1), abs(x2)) - travel
     beyond = max(reach, abs(x1 - x2) - stroke) if two else reach
-    return error, tracking * e * e, effort * u * u, failure if beyond > 0.0 else 0.0, beyond
+    # nan is beyond every limit
+    return error, tracking * e * e, effort * u * u, 0.0 if beyond <= 0.0 else failure, beyond
 
 
 @inlined
@@ -228,7 +232,7 @@ def conclude(n: int, horizon: float, clock: Any, terminated: Any, truncated: Any
     """Say whose episode ends and how; return how many do."""
     ended = 0
     for i in range(n):
-        lost, over = work[OPEN + i] > 0.0, clock[i] >= horizon
+        lost, over = not work[OPEN + i] <= 0.0, clock[i] >= horizon
         terminated[i] = lost
         truncated[i] = over & (not lost)
         ended += lost | over

@@ -61,3 +61,9 @@ def test_a_student_on_the_identified_rig_finds_nearly_what_the_real_students_fou
     # they measured 0.2345 V/mm; Routh's gain of the same drive is a quarter below
     assert limit_in_the_lab(drive) == pytest.approx(0.2345, rel=0.12)
     assert drive.linear.routh_critical_gain() < 0.8 * 0.2345
+
+
+def test_a_vibration_that_leaves_all_bounds_has_grown():
+    soft = Drive({**RIG, "saturation.limit": 8.0, "hardening_spring.k3": -RIG["k"] / (3.0 * 40.0**2)})
+    start = sustained(soft, UNIT, 30.0, limit=8.0)
+    assert simulated_limit(soft, UNIT, start) < 1.1 * simulated_limit(RIG_DRIVE, UNIT, start)

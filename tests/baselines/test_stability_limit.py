@@ -49,6 +49,15 @@ def test_the_limit_separates_holding_from_growing():
     assert below <= 25.0 < above
 
 
+def test_a_spring_that_softens_until_it_pushes_is_unstable_not_at_rest():
+    # k δ + k3 δ³ turns round at 29 mm: what vibrates farther leaves all bounds, and its numbers with it
+    k3 = -RIG["k"] / (3.0 * 29.0**2)
+    soft = Drive({**RIG, "saturation.limit": 8.0, "hardening_spring.k3": k3})
+    assert swings(soft, np.array([0.05, 1.0]), "x2").tolist() == [pytest.approx(0.0, abs=0.1), np.inf]
+    assert critical_gain(soft, "x2") == pytest.approx(critical_gain(RIG_DRIVE, "x2"), rel=0.1)
+    assert "2.3" in stability_experiments(soft)
+
+
 def test_rigid_drive_is_stable_from_its_own_encoder():
     rigid = Drive({"m1": 1.1e-3, "b1": 0.0127, "d1": 0.4})
     assert stability_limit(rigid, "x1").critical_gain_linear is None

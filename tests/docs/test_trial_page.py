@@ -6,11 +6,13 @@ import json
 import pytest
 
 from baselines.payoff import Payoff
+from baselines.stability_limit import critical_gain
 from baselines.trial.judge import judge
 from baselines.trial.plan import plan
 from baselines.trial.study import outcomes, settings
 from baselines.trial.summary import headline, summarise
 from flexdrive_gym.drive.effects import LAYOUT
+from flexdrive_gym.drive.toml import loads
 from tests.docs.pages import ROOT, read
 
 STUDIES = sorted((ROOT / "docs/trial").glob("seed_*"))
@@ -114,3 +116,13 @@ def test_what_decision_19_says_of_two_studies():
     assert len(doubtful) == 7
     assert sum(false for false, _ in doubtful) == 6
     assert sum(kind == "null" for _, kind in doubtful) == 3
+
+
+def test_limits_that_were_not_seen_are_now():
+    off = []
+    for outcome in found_in(ROOT / "docs/trial/seed_3"):
+        answer, true = outcome["answer"], outcome["critical_gain"]
+        if answer is not None and true is not None and answer["critical_gains"]["diagnosed"] is None:
+            off.append(100.0 * abs(critical_gain(loads(answer["drives"]["diagnosed"])) / true - 1.0))
+    said = ", ".join(f"{e:.1f}" for e in sorted(off)[:-1]) + f" and {max(off):.1f} % off"
+    assert f"predict gains that are {said}" in read("docs/trial.md").replace("\n  ", " ")

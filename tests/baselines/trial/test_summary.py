@@ -68,6 +68,15 @@ def test_errors_of_the_critical_gain_are_per_cent():
     assert nulls["median error of the critical gain, diagnosed drive"] == "–"
 
 
+def test_a_limit_that_a_drive_does_not_see_is_infinitely_wrong():
+    blind, right = (
+        outcome("effect", [effect("stribeck", "cart_1")], [finding("stribeck", "cart_1")]) for _ in range(2)
+    )
+    blind["answer"]["critical_gains"] = {**blind["answer"]["critical_gains"], "diagnosed": None}
+    assert summarise([judge(blind)]).gain_error["diagnosed"] == float("inf")
+    assert summarise([judge(o) for o in (right, blind, right)]).gain_error["diagnosed"] == pytest.approx(0.05)
+
+
 def test_a_study_of_nulls_alone_has_no_rates_of_naming():
     s = summarise([judge(outcome("null"))])
     assert s.named is None
