@@ -171,7 +171,7 @@ def simulated_limit(drive: Drive, controller: LinearController, start: Sustained
     def grows(factors: FloatArray) -> npt.NDArray[np.bool_]:
         out = run_batch([drive] * len(factors), np.zeros(n), free, gains=factors, start=start.states)
         swing = np.ptp(out[:, 2, n // 2 :], axis=1)
-        return ~(swing <= 2.0 * start.amplitude)  # nan is a motion that left all bounds
+        return np.asarray(~(swing <= 2.0 * start.amplitude))  # nan is a motion that left all bounds
 
     middle = start.factor if np.isfinite(start.factor) else 1.0
     low, high = 0.2 * middle, 5.0 * middle
