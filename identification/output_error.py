@@ -196,7 +196,7 @@ def simulate_run(
         track,
         pushes,
     )
-    if not np.max(np.abs(readings)) < _RUNAWAY:
+    if not (readings.max() < _RUNAWAY and readings.min() > -_RUNAWAY):
         # masses so small that the step is unstable for them: a fit that tries them must see a number
         readings = np.clip(np.nan_to_num(readings, nan=_RUNAWAY), -_RUNAWAY, _RUNAWAY)
     if pieces > 1:

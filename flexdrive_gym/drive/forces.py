@@ -174,43 +174,6 @@ def margin_2(x1: float, x2: float, v1: float, t: float, z: Any, r: int, p: Any) 
 
 
 @inlined
-def _accelerations(
-    x1: float,
-    v1: float,
-    x2: float,
-    v2: float,
-    s1: float,
-    s2: float,
-    u: float,
-    t: float,
-    z: Any,
-    r: int,
-    p: Any,
-) -> tuple[float, float]:
-    fs = spring_force(x1 - x2, v1 - v2, z, r, p)
-    a1 = p[W1] * (force_1(x1, v1, s1, u, fs, t, z, r, p) - s1 * level_1(x1, v1, s1, fs, t, z, r, p))
-    a2 = p[W2] * (force_2(x2, v2, s2, fs, t, z, r, p) - s2 * level_2(x2, v2, s2, fs, t, z, r, p))
-    return (a1 if s1 != 0.0 else 0.0), (a2 if s2 != 0.0 else 0.0)
-
-
-@called
-def _accelerations_full(
-    x1: float,
-    v1: float,
-    x2: float,
-    v2: float,
-    s1: float,
-    s2: float,
-    u: float,
-    t: float,
-    z: Any,
-    r: Any,
-    p: Any,
-) -> tuple[float, float]:
-    return _accelerations(x1, v1, x2, v2, s1, s2, u, t, z, r, p)
-
-
-@inlined
 def accelerations(
     x1: float,
     v1: float,
@@ -225,9 +188,10 @@ def accelerations(
     p: Any,
 ) -> tuple[float, float]:
     """Return the accelerations [mm/s²] of both carts for fixed directions of sliding."""
-    if z is None:
-        return _accelerations(x1, v1, x2, v2, s1, s2, u, t, z, r, p)
-    return _accelerations_full(x1, v1, x2, v2, s1, s2, u, t, z, np.int64(r), p)
+    fs = spring_force(x1 - x2, v1 - v2, z, r, p)
+    a1 = p[W1] * (force_1(x1, v1, s1, u, fs, t, z, r, p) - s1 * level_1(x1, v1, s1, fs, t, z, r, p))
+    a2 = p[W2] * (force_2(x2, v2, s2, fs, t, z, r, p) - s2 * level_2(x2, v2, s2, fs, t, z, r, p))
+    return (a1 if s1 != 0.0 else 0.0), (a2 if s2 != 0.0 else 0.0)
 
 
 @called

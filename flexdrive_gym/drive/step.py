@@ -262,11 +262,16 @@ def step(
 ) -> tuple[float, float, float, float]:
     """Advance the drive by h seconds under a constant force u; return x1, v1, x2, v2."""
     y1, w1, y2, w2, sliding = x1, v1, x2, v2, False
+    s1, s2 = (1.0 if v1 > 0.0 else -1.0), (1.0 if v2 > 0.0 else -1.0)
     if _linear(z):
-        s1, s2 = (1.0 if v1 > 0.0 else -1.0), (1.0 if v2 > 0.0 else -1.0)
         f1, f2 = _forces(x1, v1, x2, v2, s1, s2, u, t, z, p)
         y1, w1, y2, w2 = leap(0, x1, v1, x2, v2, f1, f2, table)
         sliding = v1 != 0.0 and v2 != 0.0 and s1 * w1 > 0.0 and s2 * w2 > 0.0 and h == table[60]
+    elif v1 != 0.0 and v2 != 0.0:
+        y1, w1, y2, w2, _a1, _a2 = smooth(x1, v1, x2, v2, s1, s2, u, t, h, z, p)
+        sliding = s1 * w1 > 0.0 and s2 * w2 > 0.0
+        if sliding:
+            _commit(y1, y2, s1, s2, u, t + h, z, p)
     if not sliding:
         y1, w1, y2, w2 = step_through_events(x1, v1, x2, v2, u, t, h, table, z, p)
     return y1, w1, y2, w2

@@ -30,7 +30,7 @@ from flexdrive_gym.recording import FloatArray
 from identification.mismatch.refit import Fit
 from identification.mismatch.screening import Screened, explained, orthonormal
 from identification.mismatch.surroundings import against, dry_level, speeds
-from identification.mismatch.workbench import Disturbance, View, Workbench
+from identification.mismatch.workbench import Columns, Disturbance, View, Workbench
 
 DRAWS = 119
 # a candidate that chance hardly feeds must still explain something
@@ -50,6 +50,8 @@ _REACH_MM = 400.0
 _PER_MM, _JOINT_S = 1.0, 0.003
 # candidates that a thread looks at together
 _PART = 32
+# a model with an error this many times larger moved otherwise
+_ANOTHER = 3.0
 # of a run's dry friction, relative
 _LEAST_FRICTION = 0.2
 # slow friction is drawn once in so many samples
@@ -106,6 +108,19 @@ def null_residuals(
     return bench.disturbed(values, days) + _counts(bench, rng, draws)
 
 
+def draws_around(
+    bench: Workbench, values: Mapping[str, float], purpose: str, rng: np.random.Generator, draws: int
+) -> Columns:
+    """Return what :func:`null_residuals` does, made once for every purpose, shape (N, draws).
+
+    Draws around one model serve for the next ones, unless it described another motion.
+    """
+    error = float(np.sqrt(np.mean(bench.residual(values) ** 2)))
+    if purpose not in bench.known or error * _ANOTHER < bench.known[purpose][0]:
+        bench.known[purpose] = error, null_residuals(bench, values, rng, draws).astype(np.float32)
+    return bench.known[purpose][1]
+
+
 def _counts(bench: Workbench, rng: np.random.Generator, draws: int) -> FloatArray:
     """Return what encoder counts do to block means, shape (N, draws): a mean velocity is a difference of two positions."""
     noise = np.zeros((len(bench.weights), draws))
@@ -119,7 +134,9 @@ def _counts(bench: Workbench, rng: np.random.Generator, draws: int) -> FloatArra
     return noise
 
 
-def chance(bench: Workbench, screened: Mapping[View, Sequence[Screened]], null: FloatArray, model: Fit) -> Chance:
+def chance(
+    bench: Workbench, screened: Mapping[View, Sequence[Screened]], null: FloatArray | Columns, model: Fit
+) -> Chance:
     """Return what every candidate explains of null residuals.
 
     Parameters

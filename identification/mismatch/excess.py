@@ -15,7 +15,7 @@ from scipy.stats import rankdata
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.refit import Fit
 from identification.mismatch.screening import orthonormal
-from identification.mismatch.workbench import View, Workbench
+from identification.mismatch.workbench import Columns, View, Workbench
 
 _PART = 24
 
@@ -42,7 +42,7 @@ class Excess:
     runs: tuple[tuple[int, float], ...]
 
 
-def excess(bench: Workbench, null: FloatArray, model: Fit) -> Excess:
+def excess(bench: Workbench, null: FloatArray | Columns, model: Fit) -> Excess:
     """Compare a model's error with those of null draws, shape (N, draws), around it: its whole, nothing in particular."""
     squares = [_squares(bench, view, model, null) for view in bench.views]
     ranks = np.array([rankdata(s.sum(axis=(0, 1))) for s in squares])
@@ -60,7 +60,7 @@ def excess(bench: Workbench, null: FloatArray, model: Fit) -> Excess:
     )
 
 
-def _squares(bench: Workbench, view: View, model: Fit, null: FloatArray) -> FloatArray:
+def _squares(bench: Workbench, view: View, model: Fit, null: FloatArray | Columns) -> FloatArray:
     """Return the squared error of the model and of every draw, shape (runs, carts, 1 + draws), less what a refit takes out."""
     present = orthonormal(bench.seen(view, model.sensitivity))
     # a few draws at a time: all of them together are a good part of what a diagnosis may hold

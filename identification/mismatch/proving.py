@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from copy import copy
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.stats import f as snedecor
@@ -151,6 +152,29 @@ class Proving:
         judges.small[names], judges.fitted[names] = lost, values
         return values
 
+    def _fit(self, many: Sequence[Sequence[Step]], start: Mapping[str, float], judges: Judges) -> None:
+        """Fit the drives with each of some sets of findings side by side, for :meth:`compared` and :meth:`fitted` to find."""
+
+        def apart() -> tuple[Proving, Judges]:
+            other, bench = copy(self), judges.bench
+            other.bench = self.bench.alone()
+            other.pool = other.bench.pool
+            return other, replace(judges, bench=None if bench is None else bench.alone())
+
+        def compare(steps: Sequence[Step]) -> None:
+            other, own = apart()
+            other.compared(own, steps, start)
+
+        def fit(steps: Sequence[Step]) -> None:
+            other, own = apart()
+            other.fitted(steps, start, own)
+
+        if judges.bench is not None:
+            sets = {_names(steps): steps for steps in ((), *many)}
+            list(self.pool.map(compare, [steps for names, steps in sets.items() if names not in judges.compared]))
+        sets = {_names(steps): steps for steps in many}
+        list(self.pool.map(fit, [steps for names, steps in sets.items() if names not in judges.fitted]))
+
     def _lost(
         self, judges: Judges, steps: Sequence[Step], start: Mapping[str, float], values: Mapping[str, float]
     ) -> bool:
@@ -204,6 +228,7 @@ class Proving:
         free, start = self.fitted((), self.free, judges), found.model.values
         steps = list(steps)
         while True:
+            self._fit([steps, *([s for s in steps if s is not step] for step in steps)], start, judges)
             proofs = [self.proof(step, [s for s in steps if s is not step], start, judges) for step in steps]
             failed = [p for p in proofs if not p.holds]
             if not failed:
@@ -224,7 +249,7 @@ class Proving:
         if self.bench.parts:
             return Judges(None)
         bench = Workbench(self.bench.runs, self.pool)
-        bench.offsets, bench.known = place(values, self.split.learn, self.pool), self.searched.known
+        bench.offsets, bench.known = place(values, self.split.learn, self.pool), dict(self.searched.known)
         settle(bench, values, self.names)
         return Judges(bench)
 
@@ -245,6 +270,7 @@ class Proving:
     def proof(self, step: Step, others: Sequence[Step], start: Mapping[str, float], judges: Judges) -> Proof:
         """Return what a finding removes next to others: the drive fitted without it against that with it."""
         both = (others, [*others, step])
+        self._fit(both, start, judges)
         without, everything = (self.fitted(some, start, judges) for some in both)
         kept = self.split.prove or self.split.learn
         before, after, _ = total(velocity_fits(without, everything, kept, self.runs, self.pool, held_out=True))

@@ -10,7 +10,7 @@ weighted residuals is not quite best among these.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 
 import numpy as np
@@ -64,6 +64,11 @@ class Fit:
     def seen(self, view: View) -> FloatArray:
         """Return the residual in a view, shape (N,)."""
         return self.residual if view == "comparable" else self.minimised
+
+    def bare(self) -> Fit:
+        """Return the fit without its sensitivities, which are most of what it holds."""
+        nothing = np.zeros((0, len(self.names)))
+        return replace(self, sensitivity=nothing, jacobian=nothing)
 
     def beside(self, other: Fit, view: View) -> float:
         """Return the share of another fit's squared error in a view that this one is rid of."""

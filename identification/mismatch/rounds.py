@@ -11,7 +11,7 @@ import numpy as np
 from flexdrive_gym.drive.effects import EFFECTS, LAYOUT
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.candidates import Candidate, bounds, catalogue, look_alikes
-from identification.mismatch.chance import Chance, chance, null_residuals
+from identification.mismatch.chance import DRAWS, Chance, chance, draws_around
 from identification.mismatch.refit import Fit, refit
 from identification.mismatch.screening import Screened, orthonormal, screen
 from identification.mismatch.workbench import Columns, View, Workbench
@@ -23,6 +23,8 @@ Starts = Mapping[tuple[str, str], Mapping[str, float]]
 # a finding must be rarer than this by chance, and explain at least this share of the remaining squared error
 LEVEL, LEAST_GAIN = 0.02, 0.006
 _BATCH = 48
+# candidates that are looked at together
+_LOOKED_AT = 24
 _REFITS = 5
 _SECOND_STARTS = 1
 # of the greatest surprise among plain residuals: what comes this near is refitted, too
@@ -44,7 +46,7 @@ class Rival:
     screened
         Its linear prospects.
     fit
-        The joint refit.
+        The joint refit, without its sensitivities.
     offsets
         Where every run began along the track [mm], modulo the period.
     gains
@@ -97,7 +99,7 @@ class Stage:
     rivals: tuple[Rival, ...]
     screened: tuple[Screened, ...]
     view: View
-    null: FloatArray = field(repr=False)
+    null: Columns = field(repr=False)
     runs: tuple[slice, ...] = field(repr=False)
 
     def behind(self, rival: Rival, best: Rival, draws: int = 999) -> float:
@@ -152,19 +154,25 @@ def stage(
     columns = directions(bench, candidates, model.values, raw)
     views = {view: screened_in(bench, view, model, candidates, columns) for view in bench.views}
     del columns
-    null = null_residuals(bench, model.values, rng)
+    null = draws_around(bench, model.values, "to judge by", rng, DRAWS)
     luck = chance(bench, views, null, model)
     screened = views["comparable"]
     leaders = best_of_each(screened)
-    tried = []
     chosen = _to_refit(views, leaders, luck)
     chosen += [s for s in screened if s.candidate.name in starts and not any(s is c for c in chosen)]
-    for s in chosen:
+
+    def refitted(s: Screened) -> Rival:
         say(f"refitting with {s.candidate.id} ({s.candidate.where})")
-        tried.append(_rival(bench, model, s, raw, starts.get(s.candidate.name)))
+        return _rival(bench.alone(), model, s, raw, starts.get(s.candidate.name))
+
+    tried = list(bench.pool.map(refitted, chosen))
     first = max(tried, key=lambda r: max(r.gains), default=None)
     if first is not None and max(first.gains) > _WORTH_A_LOOK:
-        tried += [_beside(bench, model, s, first) for s in _alike(first, leaders)]
+        alike = _alike(first, leaders)
+        if len(alike) == 1:
+            tried.append(_beside(bench, model, alike[0], first))
+        else:
+            tried += bench.pool.map(lambda s, first=first: _beside(bench.alone(), model, s, first), alike)
     best: dict[tuple[str, str], Rival] = {}
     for r in (r for r in tried if _repeats(bench, r)):
         if r.name not in best or max(r.gains) > max(best[r.name].gains):
@@ -187,10 +195,16 @@ def screened_in(
     e = model.seen(view)
     e = e - present @ (present.T @ e)
 
-    def one(pair: tuple[Candidate, Columns]) -> Screened:
-        return screen(bench, pair[0], bench.seen(view, pair[1].astype(np.float64)), e, present)
+    def some(part: Sequence[tuple[Candidate, Columns]]) -> list[Screened]:
+        # one look at many columns costs hardly more than at one
+        together = alone.seen(view, np.column_stack([c for _, c in part]).astype(np.float64))
+        ends = np.cumsum([c.shape[1] for _, c in part])
+        own = np.split(together, ends[:-1], axis=1)
+        return [screen(alone, candidate, c, e, present) for (candidate, _), c in zip(part, own, strict=True)]
 
-    return list(bench.pool.map(one, zip(candidates, columns, strict=True)))
+    alone, pairs = bench.alone(), list(zip(candidates, columns, strict=True))
+    parts = [pairs[i : i + _LOOKED_AT] for i in range(0, len(pairs), _LOOKED_AT)]
+    return [s for found in bench.pool.map(some, parts) for s in found]
 
 
 def _prospects(views: Mapping[View, Sequence[Screened]]) -> dict[tuple[str, str], FloatArray]:
@@ -257,7 +271,7 @@ def _rival(
     if known is not None:
         # its own parameters stay as given: a sensor loses the sign or it does not
         fit = refit(bench, {**model.values, **known}, model.names, iterations=12)
-        return Rival(s, fit, bench.offsets, tuple(fit.beside(model, view) for view in bench.views))
+        return Rival(s, fit.bare(), bench.offsets, tuple(fit.beside(model, view) for view in bench.views))
     start = {**model.values, **dict(c.shapes)}
     for (key, _), size in zip(c.sizes, s.sizes, strict=True):
         low, high = bounds(key)
@@ -281,7 +295,7 @@ def _rival(
         fit = min(fit, again, key=lambda f: f.cost)
     fit = _in_both_views(bench, model, fit, start, keys)
     offsets, bench.offsets = bench.offsets, here
-    return Rival(s, fit, offsets, _gains(bench, model, fit))
+    return Rival(s, fit.bare(), offsets, _gains(bench, model, fit))
 
 
 def _moved_over(bench: Workbench, c: Candidate, model: Fit) -> list[Fit]:
@@ -328,7 +342,7 @@ def _beside(bench: Workbench, model: Fit, s: Screened, first: Rival) -> Rival:
     fit = refit(bench, start, (*model.names, *keys), iterations=6, fresh=keys, known=model)
     fit = min((fit, *_moved_over(bench, s.candidate, model)), key=lambda f: f.weighted)
     fit = _in_both_views(bench, model, fit, start, keys)
-    return Rival(s, fit, bench.offsets, _gains(bench, model, fit))
+    return Rival(s, fit.bare(), bench.offsets, _gains(bench, model, fit))
 
 
 def _gains(bench: Workbench, model: Fit, fit: Fit) -> tuple[float, ...]:

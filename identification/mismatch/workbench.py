@@ -20,13 +20,15 @@ seen best among the first, for every single run might have had it by itself; mos
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
+from concurrent.futures import Executor, Future
+from copy import copy
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
+from flexdrive_gym.drive.compilation import kernel
 from flexdrive_gym.recording import BoolArray, FloatArray
 from identification.output_error import Run, simulate_run
 
@@ -78,6 +80,19 @@ def _rows(runs: Sequence[Run]) -> Rows:
     return Rows(tuple(starts), tuple(blocks), np.concatenate(valid), np.concatenate(cart), np.concatenate(time))
 
 
+@kernel
+def _block_means(measured: Any, simulated: Any, keep: Any, block: int, out: Any) -> None:
+    """Write the means of measured minus simulated over the valid samples of every block; 0 where there are none."""
+    n = len(measured)
+    for b in range(len(out)):
+        total, count = 0.0, 0
+        for i in range(b * block, min((b + 1) * block, n)):
+            if keep[i]:
+                total += measured[i] - simulated[i]
+                count += 1
+        out[b] = total / max(count, 1)
+
+
 @dataclass(frozen=True, eq=False)
 class Disturbance:
     """What disturbs one recording.
@@ -108,6 +123,18 @@ FRICTION = Prior("friction", 0.06, 0.02, 0.15)
 OFFSET = Prior("offset", 0.01, 0.002, 0.015)
 
 
+class _Here(Executor):
+    """Does everything at once, on the thread that asks."""
+
+    def submit(self, function: Callable[..., Any], /, *arguments: Any, **named: Any) -> Future[Any]:
+        done: Future[Any] = Future()
+        try:
+            done.set_result(function(*arguments, **named))
+        except BaseException as error:  # noqa: BLE001  (handed on to whoever asks for the result)
+            done.set_exception(error)
+        return done
+
+
 class Workbench:
     """Recordings of one drive, and what is needed to compare models of it.
 
@@ -129,27 +156,36 @@ class Workbench:
         self.weights = self.rows.valid.astype(float)
         self.offsets = np.zeros(len(self.runs))
         self.spread: dict[str, float] = {}
-        self._absorbed: list[FloatArray] = []
-        self._damped: list[FloatArray] = []
-        # rms error of a model, and raw residuals of draws around it
-        self.known: tuple[float, Columns] | None = None
+        # what is taken out of a comparable residual, in single precision: it is the time of a projection to read them
+        self._absorbed: list[Columns] = []
+        self._damped: list[Columns] = []
+        # purpose to the rms error of a model, and raw residuals of draws around it
+        self.known: dict[str, tuple[float, Columns]] = {}
 
     def unplaced(self, period: str | None) -> bool:
         """Whether an effect that repeats with this period meets every run at an unknown place; parts of one run share theirs."""
         return period is not None and not self.parts
+
+    def alone(self) -> Workbench:
+        """Return a bench that works on the thread that asks, and whose weights, places and surroundings are its own.
+
+        What takes many steps one after the other, like a refit, keeps more cores busy beside others than split up.
+        """
+        other = copy(self)
+        other.pool = _Here()
+        other.weights, other.offsets = self.weights.copy(), self.offsets.copy()
+        return other
 
     def blocks(self, values: Mapping[str, float], run: int, pushes: FloatArray | None = None) -> FloatArray:
         """Return block means of measured minus simulated velocity of one recording, all carts in a row [mm/s]."""
         item = self.runs[run]
         if self.offsets[run] != 0.0:
             item = replace(item, track=item.track + self.offsets[run])
-        edges = np.arange(0, len(item.u), item.block)
-        out = []
         simulation = simulate_run(values, item, pushes=pushes)
-        for measured, simulated, keep in zip(item.measured, simulation, item.keep, strict=True):
-            count = np.add.reduceat(keep.astype(float), edges)
-            out.append(np.add.reduceat(np.where(keep, measured - simulated, 0.0), edges) / np.maximum(count, 1.0))
-        return np.concatenate(out)
+        out = np.empty((len(item.keep), self.rows.blocks[run]))
+        for measured, simulated, keep, row in zip(item.measured, simulation, item.keep, out, strict=True):
+            _block_means(measured, np.ascontiguousarray(simulated), keep, item.block, row)
+        return out.ravel()
 
     def residual(self, values: Mapping[str, float], *, parallel: bool = True) -> FloatArray:
         """Return the block residuals of all recordings [mm/s], shape (N,)."""
@@ -226,7 +262,7 @@ class Workbench:
         start = self.rows.starts[run] + cart * self.rows.blocks[run]
         return slice(start, start + self.rows.blocks[run])
 
-    def weighted(self, x: FloatArray) -> FloatArray:
+    def weighted(self, x: FloatArray | Columns) -> FloatArray:
         """Weight residuals or sensitivities, shape (N,) or (N, k)."""
         return np.asarray(x * (self.weights if x.ndim == 1 else self.weights[:, None]))
 
@@ -235,7 +271,7 @@ class Workbench:
         """The ways of looking at residuals that differ, the one for most questions first."""
         return ("comparable", "weighted") if self._absorbed else ("comparable",)
 
-    def seen(self, view: View, x: FloatArray) -> FloatArray:
+    def seen(self, view: View, x: FloatArray | Columns) -> FloatArray:
         """Return raw residuals or sensitivities, shape (N,) or (N, k), in a view."""
         return self.comparable(x) if view == "comparable" else self.weighted(x)
 
@@ -305,25 +341,25 @@ class Workbench:
             rest = max(float(square.sum() - square[first].sum()), 0.0) / max(len(part) - modes, 1)
             use = first[square[first] > max(rest, 1e-12 * float(square.sum()))]
             U = part @ (V[:, use] / np.sqrt(square[use]))
-            self._damped.append(U * np.sqrt(1.0 - np.sqrt(rest / square[use])))
+            self._damped.append((U * np.sqrt(1.0 - np.sqrt(rest / square[use]))).astype(np.float32))
 
-    def _absorbing(self, directions: FloatArray, sizes: FloatArray) -> list[FloatArray]:
+    def _absorbing(self, directions: FloatArray, sizes: FloatArray) -> list[Columns]:
         found = []
         for r in range(len(self.runs)):
             # (I + D S Dᵀ)^(-1/2) = I - U (1 - 1/sqrt(1 + σ²)) Uᵀ, with the singular vectors of D S^(1/2)
             U, sigma, _ = np.linalg.svd(directions[self.rows.of(r)] * sizes, full_matrices=False)
-            found.append(U * np.sqrt(1.0 - 1.0 / np.sqrt(1.0 + sigma**2)))
+            found.append((U * np.sqrt(1.0 - 1.0 / np.sqrt(1.0 + sigma**2))).astype(np.float32))
         return found
 
     def forget_random_effects(self) -> None:
         """Let all recordings be alike."""
         self._absorbed, self._damped, self.spread = [], [], {}
 
-    def comparable(self, x: FloatArray) -> FloatArray:
+    def comparable(self, x: FloatArray | Columns) -> FloatArray:
         """Weight, and take out what differs from run to run and the surroundings: what candidates are judged by."""
         y = self.weighted(x)
         for taken in (self._absorbed, self._damped):
             for r, R in enumerate(taken):
                 rows = self.rows.of(r)
-                y[rows] = y[rows] - R @ (R.T @ y[rows])
+                y[rows] -= R @ (R.T @ y[rows].astype(np.float32))
         return y

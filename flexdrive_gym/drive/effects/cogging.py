@@ -19,7 +19,9 @@ def _cart(f: float, x: float, v: float, s: float, dx: float, t: float, z: Any, o
     if p[o] == 0.0 and p[o + 1] == 0.0:
         return f
     phase = 2.0 * np.pi * x / p[o + 2]
-    return f + p[o] * np.sin(phase) + p[o + 1] * np.cos(phase)
+    f += p[o] * np.sin(phase)
+    # a search that does not know where a run began has one amplitude, and a cosine takes its time
+    return f if p[o + 1] == 0.0 else f + p[o + 1] * np.cos(phase)
 
 
 EFFECT = Effect(

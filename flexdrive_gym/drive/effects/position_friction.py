@@ -20,7 +20,9 @@ def _friction(d: float, x: float, v: float, s: float, fs: float, t: float, p: An
     if p[o] == 0.0 and p[o + 1] == 0.0 and p[o + 2] == 0.0:
         return d
     phase = 2.0 * np.pi * x / p[o + 3]
-    return d + p[o] * np.sin(phase) + p[o + 1] * np.cos(phase) + p[o + 2] * x
+    d += p[o] * np.sin(phase) + p[o + 2] * x
+    # a search that does not know where a run began has one amplitude, and a cosine takes its time
+    return d if p[o + 1] == 0.0 else d + p[o + 1] * np.cos(phase)
 
 
 EFFECT = Effect(

@@ -24,10 +24,16 @@ import numpy as np
 from flexdrive_gym.drive.compilation import inlined
 from flexdrive_gym.drive.effects._effect import Effect, Parameter
 
+_SETTLED = 1e-12
+
 
 @inlined
 def _bristle(zeta: float, dx: float, s: float, xs: float) -> float:
-    return s * xs + (zeta - s * xs) * np.exp(-s * dx / xs) if s != 0.0 else zeta
+    end = s * xs
+    # neither a cart at rest nor a bristle that is bent as far as it goes moves on, and an exponential takes its time
+    if s == 0.0 or dx == 0.0 or abs(zeta - end) < _SETTLED * xs:
+        return zeta
+    return end + (zeta - end) * np.exp(-s * dx / xs)
 
 
 def _cart(f: float, x: float, v: float, s: float, dx: float, t: float, z: Any, oz: int, p: Any, o: int) -> float:

@@ -15,12 +15,15 @@ import numpy as np
 
 from flexdrive_gym.drive.effects._effect import Effect, Parameter
 
+_GONE = 6.5
+
 
 def _friction(d: float, x: float, v: float, s: float, fs: float, t: float, p: Any, o: int) -> float:
     if p[o] == 0.0:
         return d
     ratio = v / p[o + 1]
-    return d + p[o] * np.exp(-ratio * ratio)
+    # beyond, nothing of the peak is left in double precision
+    return d + p[o] * np.exp(-ratio * ratio) if abs(ratio) < _GONE else d
 
 
 EFFECT = Effect(

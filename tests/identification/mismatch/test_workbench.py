@@ -77,7 +77,7 @@ def test_sharpening_damps_what_disturbances_do_to_the_level_of_the_rest(bench):
         U, sigma, _ = np.linalg.svd(bench.weighted(unit)[rows], full_matrices=False)
         rest = np.sum(sigma[modes:] ** 2) / (len(U) - modes)
         left = np.sum((U[:, :modes].T @ bench.comparable(unit)[rows]) ** 2, axis=1)
-        assert left == pytest.approx(rest, rel=1e-6)
+        assert left == pytest.approx(rest, rel=2e-4)  # single precision, damped by some hundred
         others = np.sum((U[:, modes:].T @ bench.comparable(unit)[rows]) ** 2, axis=1)
         assert others == pytest.approx(sigma[modes:] ** 2)
     bench.forget_random_effects()
