@@ -50,8 +50,6 @@ _REACH_MM = 400.0
 _PER_MM, _JOINT_S = 1.0, 0.003
 # candidates that a thread looks at together
 _PART = 32
-# a model with an error this many times larger moved otherwise
-_ANOTHER = 3.0
 # of a run's dry friction, relative
 _LEAST_FRICTION = 0.2
 # slow friction is drawn once in so many samples
@@ -106,19 +104,6 @@ def null_residuals(
     motion = list(zip(*(speeds(bench, c) for c in range(len(bench.runs[0].keep))), strict=True))
     days = [partial(nuisance, bench, values, motion, seed) for seed in (int(s) for s in rng.integers(0, 2**63, draws))]
     return bench.disturbed(values, days) + _counts(bench, rng, draws)
-
-
-def draws_around(
-    bench: Workbench, values: Mapping[str, float], purpose: str, rng: np.random.Generator, draws: int
-) -> Columns:
-    """Return what :func:`null_residuals` does, made once for every purpose, shape (N, draws).
-
-    Draws around one model serve for the next ones, unless it described another motion.
-    """
-    error = float(np.sqrt(np.mean(bench.residual(values) ** 2)))
-    if purpose not in bench.known or error * _ANOTHER < bench.known[purpose][0]:
-        bench.known[purpose] = error, null_residuals(bench, values, rng, draws).astype(np.float32)
-    return bench.known[purpose][1]
 
 
 def _counts(bench: Workbench, rng: np.random.Generator, draws: int) -> FloatArray:

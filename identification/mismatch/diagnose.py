@@ -14,7 +14,6 @@ import numpy as np
 from flexdrive_gym import Drive
 from flexdrive_gym.recording import Recording
 from identification.likelihood import MaximumLikelihood, identify_by_likelihood
-from identification.mismatch.chance import null_residuals
 from identification.mismatch.excess import excess
 from identification.mismatch.lines import strongest_line
 from identification.mismatch.maps import Map, draw_maps, harmonics
@@ -260,11 +259,7 @@ class _Diagnosing:
         """
         if self.bench.parts:
             return None
-        null = found.last.null
-        if found.steps:
-            # a total error is held against that of the very model, with which its draws were not made
-            null = null_residuals(self.bench, found.model.values, self.rng).astype(np.float32)
-        beyond = excess(self.bench, null, found.last.before)
+        beyond = excess(self.bench, found.last.null, found.last.before)
         if beyond.probability > LEVEL:
             return None
         most = " and ".join(f"{self.bench.runs[r].name} ({share:.0%})" for r, share in beyond.runs)

@@ -249,7 +249,7 @@ class Proving:
         if self.bench.parts:
             return Judges(None)
         bench = Workbench(self.bench.runs, self.pool)
-        bench.offsets, bench.known = place(values, self.split.learn, self.pool), dict(self.searched.known)
+        bench.offsets, bench.known = place(values, self.split.learn, self.pool), self.searched.known
         settle(bench, values, self.names)
         return Judges(bench)
 

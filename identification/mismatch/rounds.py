@@ -11,7 +11,7 @@ import numpy as np
 from flexdrive_gym.drive.effects import EFFECTS, LAYOUT
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.candidates import Candidate, bounds, catalogue, look_alikes
-from identification.mismatch.chance import DRAWS, Chance, chance, draws_around
+from identification.mismatch.chance import Chance, chance, null_residuals
 from identification.mismatch.refit import Fit, refit
 from identification.mismatch.screening import Screened, orthonormal, screen
 from identification.mismatch.workbench import Columns, View, Workbench
@@ -154,7 +154,7 @@ def stage(
     columns = directions(bench, candidates, model.values, raw)
     views = {view: screened_in(bench, view, model, candidates, columns) for view in bench.views}
     del columns
-    null = draws_around(bench, model.values, "to judge by", rng, DRAWS)
+    null = null_residuals(bench, model.values, rng).astype(np.float32)
     luck = chance(bench, views, null, model)
     screened = views["comparable"]
     leaders = best_of_each(screened)

@@ -159,8 +159,8 @@ class Workbench:
         # what is taken out of a comparable residual, in single precision: it is the time of a projection to read them
         self._absorbed: list[Columns] = []
         self._damped: list[Columns] = []
-        # purpose to the rms error of a model, and raw residuals of draws around it
-        self.known: dict[str, tuple[float, Columns]] = {}
+        # rms error of a model, and raw residuals of draws around it
+        self.known: tuple[float, Columns] | None = None
 
     def unplaced(self, period: str | None) -> bool:
         """Whether an effect that repeats with this period meets every run at an unknown place; parts of one run share theirs."""
