@@ -39,7 +39,7 @@ from identification.mismatch.verdict import (
     unit_of,
 )
 from identification.mismatch.workbench import Workbench
-from identification.output_error import prepare
+from identification.output_error import Run, prepare, simulate_run
 from identification.quantities import HANDOUT_RATIOS
 from identification.recordings import read_recordings
 from identification.topology import Topology, topology_of
@@ -223,7 +223,7 @@ class _Diagnosing:
             free=before,
             seconds=time.perf_counter() - begin,
             split=split,
-            notes=self.notes(),
+            notes=self.notes(drive),
             maps=tuple(maps),
             harmonics=tuple(harmonics(forces, split.learn)),
             forces=tuple(forces),
@@ -298,11 +298,30 @@ class _Diagnosing:
             )
         return tuple(sorted(result, key=lambda f: -f.share_of_error_explained))
 
-    def notes(self) -> tuple[str, ...]:
+    def notes(self, drive: Drive) -> tuple[str, ...]:
         notes = list(self.free.notes)
         if self.friction_spread:
             notes.append(f"friction differs from run to run by about {self.friction_spread:.0%}")
-        return tuple(notes)
+        return (*notes, *spring_notes(drive, self.bench.runs))
+
+
+def spring_notes(drive: Drive, runs: Sequence[Run]) -> tuple[str, ...]:
+    """Say beyond which deflection a spring that softens gives way, which a cubic does somewhere, and how far recordings went."""
+    k, k3 = drive["k"], drive["hardening_spring.k3"]
+    if not k3 < 0.0:
+        return ()
+    turns = float(np.sqrt(k / (-3.0 * k3)))
+    reached = 0.0
+    for run in runs:
+        moved = simulate_run(drive.values, run)
+        between = moved[0] - moved[1] if len(moved) == 2 else moved[0]
+        deflection = between if run.positions else np.cumsum(between) * run.sample_time
+        reached = max(reached, float(np.max(np.abs(deflection))))
+    note = (
+        f"the spring's force as it was fitted falls again beyond {turns:.3g} mm of deflection, and runs go to {reached:.3g} mm: "
+        "trust no simulation that goes much farther than they do"
+    )
+    return (note,)
 
 
 def left_unnamed(found: Search) -> tuple[tuple[Shape, Stage] | None, bool]:

@@ -35,6 +35,7 @@ from identification.output_error import Run, simulate_run
 View = Literal["comparable", "weighted"]
 # columns of a whole catalogue, kept in single precision: what they explain is a share
 Columns = npt.NDArray[np.float32]
+_MANY = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -334,14 +335,17 @@ class Workbench:
         # of every draw its shape, for the mixture matters and not its size
         X /= np.maximum(np.sqrt(np.mean(X**2, axis=0)), 1e-300)
         X /= np.sqrt(X.shape[1])
-        for r in range(len(self.runs)):
+
+        def damping(r: int) -> Columns:
             part = X[self.rows.of(r)]
             square, V = np.linalg.eigh(part.T @ part)
             first = np.argsort(-square)[:modes]
             rest = max(float(square.sum() - square[first].sum()), 0.0) / max(len(part) - modes, 1)
             use = first[square[first] > max(rest, 1e-12 * float(square.sum()))]
             U = part @ (V[:, use] / np.sqrt(square[use]))
-            self._damped.append((U * np.sqrt(1.0 - np.sqrt(rest / square[use]))).astype(np.float32))
+            return np.asarray(U * np.sqrt(1.0 - np.sqrt(rest / square[use])), dtype=np.float32)
+
+        self._damped = list(self.pool.map(damping, range(len(self.runs))))
 
     def _absorbing(self, directions: FloatArray, sizes: FloatArray) -> list[Columns]:
         found = []
@@ -358,8 +362,14 @@ class Workbench:
     def comparable(self, x: FloatArray | Columns) -> FloatArray:
         """Weight, and take out what differs from run to run and the surroundings: what candidates are judged by."""
         y = self.weighted(x)
-        for taken in (self._absorbed, self._damped):
-            for r, R in enumerate(taken):
-                rows = self.rows.of(r)
-                y[rows] -= R @ (R.T @ y[rows].astype(np.float32))
+
+        def rid(r: int) -> None:
+            rows = self.rows.of(r)
+            for taken in (self._absorbed, self._damped):
+                if taken:
+                    y[rows] -= taken[r] @ (taken[r].T @ y[rows].astype(np.float32))
+
+        # of many columns the recordings are worth a thread each
+        run = self.pool.map if y.ndim > 1 and y.shape[1] > _MANY else map
+        list(run(rid, range(len(self.runs))))
         return y

@@ -6,8 +6,9 @@ import pytest
 
 from flexdrive_gym import Drive
 from identification import Diagnosis, diagnose
-from identification.mismatch.diagnose import left_unnamed
+from identification.mismatch.diagnose import left_unnamed, spring_notes
 from identification.mismatch.split import split_recordings
+from identification.output_error import prepare
 from tests.drive.drives import RIG
 from tests.identification.lab import COUNTS, lab_day
 from tests.identification.mismatch.lab import SHORT, T, short_day
@@ -21,6 +22,14 @@ def test_the_same_seed_gives_the_same_answer_on_any_number_of_threads():
     for found in (one, two):
         found.pop("seconds")
     assert one == two
+
+
+def test_a_spring_that_softens_is_not_trusted_beyond_what_was_recorded():
+    soft = Drive({**RIG, "hardening_spring.k3": -RIG["k"] / (3.0 * 29.0**2)})
+    runs = [prepare(r) for r in short_day({}, kinds=SHORT[:1], t=T[:2001])]
+    (note,) = spring_notes(soft, runs)
+    assert "falls again beyond 29 mm" in note
+    assert spring_notes(Drive({**RIG, "hardening_spring.k3": 1e-4}), runs) == ()
 
 
 def test_nothing_is_refused():
