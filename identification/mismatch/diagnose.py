@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from flexdrive_gym import Drive
 from flexdrive_gym.recording import Recording
@@ -92,7 +93,8 @@ def diagnose(
     say("reading recordings")
     runs = _read(recordings)
     split = split_recordings(runs)
-    with ThreadPoolExecutor(jobs or len(os.sched_getaffinity(0))) as pool:
+    # its own threads keep the processors busy: those of the linear algebra would only be in their way
+    with threadpool_limits(1, user_api="blas"), ThreadPoolExecutor(jobs or len(os.sched_getaffinity(0))) as pool:
         return _Diagnosing(
             runs, split, topology or topology_of(split.learn), np.random.default_rng(seed), pool, say, jobs
         ).result(begin)
