@@ -3,6 +3,7 @@
 ``python -m benchmarks diagnosis [DATA SET ...]`` looks for them in ``../shared/recordings`` beside the repository.
 """
 
+import resource
 import sys
 from pathlib import Path
 
@@ -21,6 +22,7 @@ COLUMNS = (
     "lab's critical gain, before → after; rig",
     "faults",
     "s",
+    "most memory so far [MB]",
 )
 
 
@@ -59,6 +61,8 @@ def row(name: str, found: Diagnosis) -> tuple[str, ...]:
         "–" if lab is None else f"{_number(lab.before)} → {_number(lab.after)}; {lab.measured or 'not tried'}",
         str(len([f for f in found.faults if f.id != "saturation"])),
         f"{found.seconds:.0f}",
+        # in kB on Linux
+        f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f}",
     )
 
 

@@ -124,6 +124,13 @@ class Drive:
             fields.setdefault("covariance", None)
         return replace(self, values={**self.values, **changed}, **fields)
 
+    def spring_force(self, deflection: npt.ArrayLike) -> FloatArray:
+        """Return the force of the spring on cart 2 [V] where it rests at deflections x1 - x2 [mm], and has no past.
+
+        Of the same shape as ``deflection``.
+        """
+        return simulation.spring_force(self.values, deflection)
+
     def vector(self) -> FloatArray:
         """Return the parameter vector of the compiled step, ndarray, shape (n_parameters,)."""
         return parameters.vector(self.values)

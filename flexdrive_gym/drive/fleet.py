@@ -103,6 +103,7 @@ from flexdrive_gym.drive.layout import (
     strip_of,
 )
 from flexdrive_gym.drive.observation import observe
+from flexdrive_gym.drive.piece import tabulate
 from flexdrive_gym.drive.sample import CUTOFF_1, CUTOFF_2, MEMORY, clear, decay
 from flexdrive_gym.drive.sensing import (
     act,
@@ -119,7 +120,6 @@ from flexdrive_gym.drive.sensing import (
     tick,
 )
 from flexdrive_gym.drive.series import respond
-from flexdrive_gym.drive.step import tabulate
 
 
 @inlined

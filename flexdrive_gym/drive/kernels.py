@@ -14,9 +14,9 @@ import numpy as np
 
 from flexdrive_gym.drive.compilation import kernel, pointer, shifted
 from flexdrive_gym.drive.effects import N_PARAMETERS, WORKSPACE
-from flexdrive_gym.drive.forces import W2, limited
+from flexdrive_gym.drive.forces import W2, limited, spring_force
+from flexdrive_gym.drive.piece import tabulate
 from flexdrive_gym.drive.sample import MEMORY, WORK_SPACE, advance, anchor, clear, measure, power_up, push
-from flexdrive_gym.drive.step import tabulate
 
 NOTHING = np.empty((4, 0))
 
@@ -136,6 +136,15 @@ def run_p_control(
             t = i * sample_time
             x1, v1, x2, v2 = advance(x1, v1, x2, v2, u[i], t, sample_time, substeps, table, m, w, q)
             r1, r2, s1, s2 = measure(x1, v1, x2, v2, t + sample_time, sample_time, m, w, q)
+
+
+@kernel
+def spring_curve(deflections: Any, memory: Any, z: Any, p: Any, force: Any) -> None:
+    """For every deflection [mm], write the force of a spring [V] that rests there and has no past."""
+    q, m, w = pointer(p), pointer(memory), pointer(z)
+    clear(0.0, 0.0, m, w, q)
+    for i in range(deflections.shape[0]):
+        force[i] = spring_force(deflections[i], 0.0, w, 0, q)
 
 
 @kernel

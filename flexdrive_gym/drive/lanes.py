@@ -43,9 +43,10 @@ from flexdrive_gym.drive.layout import (
     stride,
     strip_of,
 )
+from flexdrive_gym.drive.piece import TABLE
 from flexdrive_gym.drive.sample import MEMORY, advance
 from flexdrive_gym.drive.series import arrive, lasts, lasts_surely, next_event, path, search, series, total, travelled
-from flexdrive_gym.drive.step import MAX_EVENTS, TABLE
+from flexdrive_gym.drive.step import MAX_EVENTS
 
 # the step's table, and work space to make it
 TABLE_COLUMNS = TABLE + N_BASE_PARAMETERS

@@ -12,8 +12,8 @@ from typing import Any
 from flexdrive_gym.drive.compilation import inlined, kernel, pointer, shifted
 from flexdrive_gym.drive.effects import N_PARAMETERS
 from flexdrive_gym.drive.forces import limited
+from flexdrive_gym.drive.piece import tabulate
 from flexdrive_gym.drive.sample import MEMORY, advance, clear, measure, power_up
-from flexdrive_gym.drive.step import tabulate
 
 # entries of the law before the matrices: command limit [V], friction level [V], velocity of full compensation [mm/s]
 CONSTANTS = 3

@@ -48,6 +48,7 @@ from flexdrive_gym.drive.layout import (
 )
 from flexdrive_gym.drive.sample import velocity
 
+# the largest error that is charged
 _FAR_MM = 1e4
 
 
@@ -178,7 +179,7 @@ def _judged(i: int, scales: Any, q: Any, state: Any, work: Any) -> tuple[float, 
     x1, x2 = state[X1 + i], state[X2 + i]
     two = q[W2 * ROW + i] > 0.0
     error = work[REFERENCE + i] - (x2 if two else x1)
-    # a drive that has run away may be past all numbers: what it is charged stays one
+    # a drive that has run away may be past all numbers
     e, u = (error if abs(error) < _FAR_MM else _FAR_MM) * per_mm, state[COMMAND + i] * per_volt
     reach = max(abs(x1), abs(x2)) - travel
     beyond = max(reach, abs(x1 - x2) - stroke) if two else reach

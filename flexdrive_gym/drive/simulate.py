@@ -193,3 +193,13 @@ def closed_loop(
                 kernels.run_sample(state, u[i], i * sample_time, sample_time, steps, memory, z, p, reading)
     run = _recording(values, t, u, readings, travel_limit, name)
     return Recording(**{**run.__dict__, "xr": xr[: run.n], "excitation": excitation})
+
+
+def spring_force(values: Values, deflection: npt.ArrayLike) -> FloatArray:
+    """See :meth:`Drive.spring_force`."""
+    delta = np.ascontiguousarray(deflection, dtype=np.float64)
+    force = np.empty(delta.size)
+    kernels.spring_curve(
+        delta.ravel(), np.zeros(WORK_SPACE), parameters.workspace(values), parameters.vector(values), force
+    )
+    return force.reshape(delta.shape)

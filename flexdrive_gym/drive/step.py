@@ -23,18 +23,16 @@ So a cart at rest has exactly zero velocity (no creep), and the result depends o
 the scheme. Event-driven integration of dry friction: V. Acary, B. Brogliato, Numerical Methods for Nonsmooth
 Dynamical Systems, 2008, ch. 8.
 
-``z is None`` selects, at compile time, the variant with the effects every drive has; otherwise ``z`` is a workspace
-(a pointer) that begins with seven rows, each as long as there are additional states: state, stage, four slopes, trial;
-``r`` is the start of the row to read. Its other entries are described in :mod:`flexdrive_gym.drive.effects`.
+One such piece is :mod:`flexdrive_gym.drive.piece`, which also says what ``z`` is.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from flexdrive_gym.drive.compilation import called, inlined, shifted
+from flexdrive_gym.drive.compilation import called, inlined
 from flexdrive_gym.drive.crossing import crossing
-from flexdrive_gym.drive.effects import FLAG, LAYOUT, LINEAR, N_BASE_PARAMETERS, N_STATES, PUSH_1, PUSH_2
+from flexdrive_gym.drive.effects import FLAG, LINEAR, PUSH_1, PUSH_2
 from flexdrive_gym.drive.forces import (
     W2,
     accelerations,
@@ -44,175 +42,11 @@ from flexdrive_gym.drive.forces import (
     level_2,
     margin_1,
     margin_2,
-    rates,
 )
+from flexdrive_gym.drive.piece import INTEGRATES, leap, smooth, width
 
 MAX_EVENTS = 12
-D1, D2 = LAYOUT["d1"].index, LAYOUT["d2"].index
-TABLE = 61
-_INTEGRATES = FLAG["rates", None]
 _FINISHES_1, _FINISHES_2, _FINISHES_ACTUATOR = (FLAG["finish", where] for where in ("cart_1", "cart_2", "actuator"))
-
-
-@inlined
-def _width(z: Any) -> int:
-    if z is None:
-        return 0
-    return N_STATES
-
-
-@inlined
-def _slopes(slope: int, x1: float, v1: float, x2: float, v2: float, u: float, t: float, z: Any, r: int, p: Any) -> None:
-    if z is not None and z[_INTEGRATES] != 0.0:
-        rates(slope * _width(z) - r, x1, v1, x2, v2, u, t, z, r, p)
-
-
-@inlined
-def _stage(slope: int, h: float, z: Any) -> None:
-    if z is not None and z[_INTEGRATES] != 0.0:
-        n = _width(z)
-        for i in range(n):
-            z[n + i] = z[i] + h * z[slope * n + i]
-
-
-@inlined
-def _smooth(
-    x1: float,
-    v1: float,
-    x2: float,
-    v2: float,
-    s1: float,
-    s2: float,
-    u: float,
-    t: float,
-    h: float,
-    z: Any,
-    p: Any,
-) -> tuple[float, float, float, float, float, float]:
-    half = 0.5 * h
-    n = _width(z)
-    a1, b1 = accelerations(x1, v1, x2, v2, s1, s2, u, t, z, 0, p)
-    _slopes(2, x1, v1, x2, v2, u, t, z, 0, p)
-
-    v1b, v2b = v1 + half * a1, v2 + half * b1
-    x1b, x2b = x1 + half * v1, x2 + half * v2
-    _stage(2, half, z)
-    a2, b2 = accelerations(x1b, v1b, x2b, v2b, s1, s2, u, t + half, z, n, p)
-    _slopes(3, x1b, v1b, x2b, v2b, u, t + half, z, n, p)
-
-    v1c, v2c = v1 + half * a2, v2 + half * b2
-    x1c, x2c = x1 + half * v1b, x2 + half * v2b
-    _stage(3, half, z)
-    a3, b3 = accelerations(x1c, v1c, x2c, v2c, s1, s2, u, t + half, z, n, p)
-    _slopes(4, x1c, v1c, x2c, v2c, u, t + half, z, n, p)
-
-    v1d, v2d = v1 + h * a3, v2 + h * b3
-    x1d, x2d = x1 + h * v1c, x2 + h * v2c
-    _stage(4, h, z)
-    a4, b4 = accelerations(x1d, v1d, x2d, v2d, s1, s2, u, t + h, z, n, p)
-    _slopes(5, x1d, v1d, x2d, v2d, u, t + h, z, n, p)
-
-    sixth = h / 6.0
-    if z is not None and z[_INTEGRATES] != 0.0:
-        for i in range(n):
-            z[6 * n + i] = z[i] + sixth * (z[2 * n + i] + 2.0 * (z[3 * n + i] + z[4 * n + i]) + z[5 * n + i])
-    return (
-        x1 + sixth * (v1 + 2.0 * (v1b + v1c) + v1d),
-        v1 + sixth * (a1 + 2.0 * (a2 + a3) + a4),
-        x2 + sixth * (v2 + 2.0 * (v2b + v2c) + v2d),
-        v2 + sixth * (b1 + 2.0 * (b2 + b3) + b4),
-        a1,
-        b1,
-    )
-
-
-@called
-def _smooth_full(
-    x1: float,
-    v1: float,
-    x2: float,
-    v2: float,
-    s1: float,
-    s2: float,
-    u: float,
-    t: float,
-    h: float,
-    z: Any,
-    p: Any,
-) -> tuple[float, float, float, float, float, float]:
-    begin_piece(x1, x2, t, z)
-    return _smooth(x1, v1, x2, v2, s1, s2, u, t, h, z, p)
-
-
-@inlined
-def smooth(
-    x1: float,
-    v1: float,
-    x2: float,
-    v2: float,
-    s1: float,
-    s2: float,
-    u: float,
-    t: float,
-    h: float,
-    z: Any,
-    p: Any,
-) -> tuple[float, float, float, float, float, float]:
-    """Integrate one smooth piece by RK4; return x1, v1, x2, v2 and the accelerations at its start.
-
-    Additional states are read from the first row of ``z`` and left in its last.
-    """
-    if z is None:
-        return _smooth(x1, v1, x2, v2, s1, s2, u, t, h, z, p)
-    return _smooth_full(x1, v1, x2, v2, s1, s2, u, t, h, z, p)
-
-
-@called
-def tabulate(h: float, table: Any, p: Any) -> None:
-    """Tabulate what :func:`smooth` does over h to a drive with base effects only; write it to ``table``.
-
-    Such a drive is linear between events, so the integrator's answer to unit vectors says everything: applying the table
-    costs far less than integrating. The integrator itself fills the table, so there is still one physics. Where other effects
-    act at events only, on the command or in the encoders, the table serves as well.
-
-    For both sliding, cart 1 sticking, cart 2 sticking: rows of x1 - x1(0), v1, x2 - x2(0), v2 over columns δ, v1, v2,
-    force on cart 1, force on cart 2; then h. Work space for a parameter vector follows.
-    """
-    for i in range(TABLE):
-        table[i] = 0.0
-    free = shifted(table, TABLE)
-    for i in range(N_BASE_PARAMETERS):
-        free[i] = p[i]
-    free[D1], free[D2] = 0.0, 0.0
-    for mode in range(3):
-        s1, s2 = (0.0 if mode == 1 else 1.0), (0.0 if mode == 2 else 1.0)
-        for column in range(5):
-            x1 = 1.0 if column == 0 else 0.0
-            v1 = 1.0 if column == 1 and mode != 1 else 0.0
-            v2 = 1.0 if column == 2 and mode != 2 else 0.0
-            u = 1.0 if column == 3 else 0.0
-            # a force on cart 2 is friction of -1 V
-            free[D2] = -1.0 if column == 4 else 0.0
-            y1, w1, y2, w2, _a1, _a2 = smooth(x1, v1, 0.0, v2, s1, s2, u, 0.0, h, None, free)
-            table[20 * mode + column] = y1 - x1
-            table[20 * mode + 5 + column] = w1
-            table[20 * mode + 10 + column] = y2
-            table[20 * mode + 15 + column] = w2
-    table[60] = h
-
-
-@inlined
-def leap(
-    m: int, x1: float, v1: float, x2: float, v2: float, f1: float, f2: float, table: Any
-) -> tuple[float, float, float, float]:
-    """Apply the table that begins at m to a state and the forces besides spring and dampers [V]."""
-    d = x1 - x2
-    return (
-        x1 + (table[m] * d + table[m + 1] * v1 + table[m + 2] * v2 + table[m + 3] * f1 + table[m + 4] * f2),
-        table[m + 5] * d + table[m + 6] * v1 + table[m + 7] * v2 + table[m + 8] * f1 + table[m + 9] * f2,
-        x2 + (table[m + 10] * d + table[m + 11] * v1 + table[m + 12] * v2 + table[m + 13] * f1 + table[m + 14] * f2),
-        table[m + 15] * d + table[m + 16] * v1 + table[m + 17] * v2 + table[m + 18] * f1 + table[m + 19] * f2,
-    )
 
 
 @inlined
@@ -247,8 +81,8 @@ def _direction(v: float, released: float, margin: float, sign: float) -> float:
 def _commit(x1: float, x2: float, s1: float, s2: float, u: float, t: float, z: Any, p: Any) -> None:
     """Keep what the last smooth piece, which ended at these positions and this time, made of the effects' states."""
     if z is not None:
-        if z[_INTEGRATES] != 0.0:
-            n = _width(z)
+        if z[INTEGRATES] != 0.0:
+            n = width(z)
             for i in range(n):
                 z[i] = z[6 * n + i]
         if z[_FINISHES_1] + z[_FINISHES_2] + z[_FINISHES_ACTUATOR] != 0.0:
@@ -308,7 +142,7 @@ def step_through_events(
     """Advance the drive by h seconds, piece by piece from event to event; see the module's notes."""
     left = h
     released_1, released_2 = 0.0, 0.0
-    trial = 6 * _width(z)
+    trial = 6 * width(z)
     for attempt in range(MAX_EVENTS):
         held_1, sign_1 = margin_1(x1, x2, v2, u, t, z, 0, p) if v1 == 0.0 else (0.0, 0.0)
         held_2, sign_2 = margin_2(x1, x2, v1, t, z, 0, p) if v2 == 0.0 else (0.0, 0.0)
@@ -376,7 +210,7 @@ def _release(
 
     The Illinois variant of regula falsi; the margin is smooth, so a few passes reach round-off.
     """
-    low, high, trial = 0.0, 1.0, 6 * _width(z)
+    low, high, trial = 0.0, 1.0, 6 * width(z)
     side = 0
     for _ in range(40):
         theta = (low * after - high * before) / (after - before) if after > before else 0.5 * (low + high)

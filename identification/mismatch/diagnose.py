@@ -51,6 +51,8 @@ _SHAPE_GAIN, _SHAPE_LEAD = 0.045, 1.6
 _LINE_SHARE = 0.05
 # a fit this near to the floor leaves nothing to explain
 _NEAR_FLOOR = 1.25
+# times as far as recordings went, a spring is looked at
+_FARTHER = 10.0
 # a velocity that goes less far below zero than this, against its largest, never does
 _NEGATIVE = 0.05
 # cut-offs of a velocity filter, in multiples of the sampling rate
@@ -308,20 +310,21 @@ class _Diagnosing:
 
 
 def spring_notes(drive: Drive, runs: Sequence[Run]) -> tuple[str, ...]:
-    """Say beyond which deflection a spring that softens gives way, which a cubic does somewhere, and how far recordings went."""
-    k, k3 = drive["k"], drive["hardening_spring.k3"]
-    if not k3 < 0.0:
-        return ()
-    turns = float(np.sqrt(k / (-3.0 * k3)))
+    """Say beyond which deflection a spring's force falls again, as a power of it does somewhere, and how far recordings went."""
     reached = 0.0
     for run in runs:
         moved = simulate_run(drive.values, run)
         between = moved[0] - moved[1] if len(moved) == 2 else moved[0]
         deflection = between if run.positions else np.cumsum(between) * run.sample_time
         reached = max(reached, float(np.max(np.abs(deflection))))
+    tried = np.linspace(0.0, _FARTHER * reached, 1001)
+    falls = np.diff(drive.spring_force(tried)) < 0.0, np.diff(-drive.spring_force(-tried)) < 0.0
+    turns = [float(tried[np.argmax(side)]) for side in falls if side.any()]
+    if not turns:
+        return ()
     note = (
-        f"the spring's force as it was fitted falls again beyond {turns:.3g} mm of deflection, and runs go to {reached:.3g} mm: "
-        "trust no simulation that goes much farther than they do"
+        f"the spring's force as it was fitted falls again beyond {min(turns):.2g} mm of deflection, and runs go to {reached:.2g} "
+        "mm: trust no simulation that goes much farther than they do"
     )
     return (note,)
 

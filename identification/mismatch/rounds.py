@@ -170,6 +170,7 @@ def stage(
     if first is not None and max(first.gains) > _WORTH_A_LOOK:
         alike = _alike(first, leaders)
         if len(alike) == 1:
+            # by itself it has all threads
             tried.append(_beside(bench, model, alike[0], first))
         else:
             tried += bench.pool.map(lambda s, first=first: _beside(bench.alone(), model, s, first), alike)

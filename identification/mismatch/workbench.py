@@ -35,6 +35,7 @@ from identification.output_error import Run, simulate_run
 View = Literal["comparable", "weighted"]
 # columns of a whole catalogue, kept in single precision: what they explain is a share
 Columns = npt.NDArray[np.float32]
+# columns of which a recording is worth a thread
 _MANY = 8
 
 
@@ -157,9 +158,8 @@ class Workbench:
         self.weights = self.rows.valid.astype(float)
         self.offsets = np.zeros(len(self.runs))
         self.spread: dict[str, float] = {}
-        # what is taken out of a comparable residual, in single precision: it is the time of a projection to read them
-        self._absorbed: list[Columns] = []
-        self._damped: list[Columns] = []
+        self._absorbed: list[FloatArray] = []
+        self._damped: list[FloatArray] = []
         # rms error of a model, and raw residuals of draws around it
         self.known: tuple[float, Columns] | None = None
 
@@ -336,23 +336,23 @@ class Workbench:
         X /= np.maximum(np.sqrt(np.mean(X**2, axis=0)), 1e-300)
         X /= np.sqrt(X.shape[1])
 
-        def damping(r: int) -> Columns:
+        def damping(r: int) -> FloatArray:
             part = X[self.rows.of(r)]
             square, V = np.linalg.eigh(part.T @ part)
             first = np.argsort(-square)[:modes]
             rest = max(float(square.sum() - square[first].sum()), 0.0) / max(len(part) - modes, 1)
             use = first[square[first] > max(rest, 1e-12 * float(square.sum()))]
             U = part @ (V[:, use] / np.sqrt(square[use]))
-            return np.asarray(U * np.sqrt(1.0 - np.sqrt(rest / square[use])), dtype=np.float32)
+            return np.asarray(U * np.sqrt(1.0 - np.sqrt(rest / square[use])))
 
         self._damped = list(self.pool.map(damping, range(len(self.runs))))
 
-    def _absorbing(self, directions: FloatArray, sizes: FloatArray) -> list[Columns]:
+    def _absorbing(self, directions: FloatArray, sizes: FloatArray) -> list[FloatArray]:
         found = []
         for r in range(len(self.runs)):
             # (I + D S Dᵀ)^(-1/2) = I - U (1 - 1/sqrt(1 + σ²)) Uᵀ, with the singular vectors of D S^(1/2)
             U, sigma, _ = np.linalg.svd(directions[self.rows.of(r)] * sizes, full_matrices=False)
-            found.append((U * np.sqrt(1.0 - 1.0 / np.sqrt(1.0 + sigma**2))).astype(np.float32))
+            found.append(U * np.sqrt(1.0 - 1.0 / np.sqrt(1.0 + sigma**2)))
         return found
 
     def forget_random_effects(self) -> None:
@@ -367,9 +367,8 @@ class Workbench:
             rows = self.rows.of(r)
             for taken in (self._absorbed, self._damped):
                 if taken:
-                    y[rows] -= taken[r] @ (taken[r].T @ y[rows].astype(np.float32))
+                    y[rows] -= taken[r] @ (taken[r].T @ y[rows])
 
-        # of many columns the recordings are worth a thread each
-        run = self.pool.map if y.ndim > 1 and y.shape[1] > _MANY else map
-        list(run(rid, range(len(self.runs))))
+        side_by_side = y.ndim > 1 and y.shape[1] > _MANY
+        list((self.pool.map if side_by_side else map)(rid, range(len(self.runs))))
         return y

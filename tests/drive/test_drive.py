@@ -201,3 +201,10 @@ def test_recording_checks_shapes():
     run = Drive(RIG).simulate(T, np.zeros(len(T)))
     with pytest.raises(ValueError, match="v1: must have the shape of t"):
         replace(run, v1=np.zeros(3))
+
+
+def test_the_spring_s_force_is_that_of_its_laws():
+    delta = np.array([[-20.0, -3.0], [0.0, 15.0]])
+    drive = Drive({**RIG, "hardening_spring.k3": -4e-5, "asymmetric_spring.k2": 1e-3})
+    assert Drive(RIG).spring_force(delta) == pytest.approx(RIG["k"] * delta)
+    assert drive.spring_force(delta) == pytest.approx(RIG["k"] * delta + 1e-3 * delta**2 - 4e-5 * delta**3)

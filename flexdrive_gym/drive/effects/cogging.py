@@ -10,18 +10,14 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from flexdrive_gym.drive.effects._effect import Effect, Parameter
+from flexdrive_gym.drive.effects._wave import wave
 
 
 def _cart(f: float, x: float, v: float, s: float, dx: float, t: float, z: Any, oz: int, p: Any, o: int) -> float:
     if p[o] == 0.0 and p[o + 1] == 0.0:
         return f
-    phase = 2.0 * np.pi * x / p[o + 2]
-    f += p[o] * np.sin(phase)
-    # a search that does not know where a run began has one amplitude, and a cosine takes its time
-    return f if p[o + 1] == 0.0 else f + p[o + 1] * np.cos(phase)
+    return f + wave(x, p[o], p[o + 1], p[o + 2])
 
 
 EFFECT = Effect(

@@ -10,16 +10,14 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from flexdrive_gym.drive.effects._effect import Effect, Parameter
+from flexdrive_gym.drive.effects._wave import wave
 
 
 def _reading(y: float, x: float, v: float, t: float, h: float, z: Any, oz: int, p: Any, o: int) -> float:
     if p[o] == 0.0 and p[o + 1] == 0.0:
         return y
-    phase = 2.0 * np.pi * x / p[o + 2]
-    return y + p[o] * np.sin(phase) + p[o + 1] * np.cos(phase)
+    return y + wave(x, p[o], p[o + 1], p[o + 2])
 
 
 EFFECT = Effect(

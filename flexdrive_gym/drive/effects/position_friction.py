@@ -11,18 +11,14 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from flexdrive_gym.drive.effects._effect import Effect, Parameter
+from flexdrive_gym.drive.effects._wave import wave
 
 
 def _friction(d: float, x: float, v: float, s: float, fs: float, t: float, p: Any, o: int) -> float:
     if p[o] == 0.0 and p[o + 1] == 0.0 and p[o + 2] == 0.0:
         return d
-    phase = 2.0 * np.pi * x / p[o + 3]
-    d += p[o] * np.sin(phase) + p[o + 2] * x
-    # a search that does not know where a run began has one amplitude, and a cosine takes its time
-    return d if p[o + 1] == 0.0 else d + p[o + 1] * np.cos(phase)
+    return d + wave(x, p[o], p[o + 1], p[o + 3]) + p[o + 2] * x
 
 
 EFFECT = Effect(

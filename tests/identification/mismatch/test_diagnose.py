@@ -24,12 +24,21 @@ def test_the_same_seed_gives_the_same_answer_on_any_number_of_threads():
     assert one == two
 
 
-def test_a_spring_that_softens_is_not_trusted_beyond_what_was_recorded():
-    soft = Drive({**RIG, "hardening_spring.k3": -RIG["k"] / (3.0 * 29.0**2)})
+@pytest.mark.parametrize(
+    "effect",
+    # k + 3 k3 δ² and k + 2 k2 δ vanish at 29 mm
+    [{"hardening_spring.k3": -RIG["k"] / (3.0 * 29.0**2)}, {"asymmetric_spring.k2": RIG["k"] / (2.0 * 29.0)}],
+)
+def test_a_spring_whose_force_falls_is_not_trusted_beyond_what_was_recorded(effect):
     runs = [prepare(r) for r in short_day({}, kinds=SHORT[:1], t=T[:2001])]
-    (note,) = spring_notes(soft, runs)
+    (note,) = spring_notes(Drive({**RIG, **effect}), runs)
     assert "falls again beyond 29 mm" in note
-    assert spring_notes(Drive({**RIG, "hardening_spring.k3": 1e-4}), runs) == ()
+
+
+@pytest.mark.parametrize("effect", [{}, {"hardening_spring.k3": 1e-4}, {"coupling_backlash.g": 1.0}])
+def test_of_a_spring_that_holds_nothing_is_said(effect):
+    runs = [prepare(r) for r in short_day({}, kinds=SHORT[:1], t=T[:2001])]
+    assert spring_notes(Drive({**RIG, **effect}), runs) == ()
 
 
 def test_nothing_is_refused():

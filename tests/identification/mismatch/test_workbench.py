@@ -77,7 +77,7 @@ def test_sharpening_damps_what_disturbances_do_to_the_level_of_the_rest(bench):
         U, sigma, _ = np.linalg.svd(bench.weighted(unit)[rows], full_matrices=False)
         rest = np.sum(sigma[modes:] ** 2) / (len(U) - modes)
         left = np.sum((U[:, :modes].T @ bench.comparable(unit)[rows]) ** 2, axis=1)
-        assert left == pytest.approx(rest, rel=2e-4)  # single precision, damped by some hundred
+        assert left == pytest.approx(rest, rel=1e-6)
         others = np.sum((U[:, modes:].T @ bench.comparable(unit)[rows]) ** 2, axis=1)
         assert others == pytest.approx(sigma[modes:] ** 2)
     bench.forget_random_effects()
@@ -89,3 +89,13 @@ def test_a_draw_of_nuisance_holds_resting_carts_too(bench):
     found = bench.disturbed(RIG, [lambda: quiet])[:, 0]
     expected = bench.residual({**RIG, "d1": 1.2 * RIG["d1"]}) - bench.residual(RIG)
     assert found == pytest.approx(expected, abs=0.2)
+
+
+def test_a_bench_alone_finds_the_same_and_keeps_its_settings_to_itself(bench):
+    other, before = bench.alone(), bench.weights.copy()
+    assert np.array_equal(other.residual(RIG), bench.residual(RIG))
+    other.weigh(2.0 * other.residual(RIG))
+    other.offsets[:] = 3.0
+    assert np.array_equal(bench.weights, before)
+    assert not np.array_equal(other.weights, before)
+    assert not bench.offsets.any()
