@@ -85,13 +85,12 @@ def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> 
 
 def print_faults(title: str, faults: Sequence[Fault]) -> None:
     """Print the faults of recordings but for saturation, which is no fault of a sensor; nothing where there are none."""
-    shown = [f for f in faults if f.id != "saturation"]
+    from identification.recordings.faults import gathered  # noqa: PLC0415  (keeps --help quick)
+
+    shown = gathered(faults)
     if shown:
-        table(
-            title,
-            ["recording", "where", "fault", "from [s]", "to [s]"],
-            [[f.recording, f.where, f.id, f"{f.start_s:.3f}", f"{f.end_s:.3f}"] for f in shown],
-        )
+        rows = [[f.recording, f.where, f.id, f"{f.start_s:.3f}", f"{f.end_s:.3f}", f.note] for f in shown]
+        table(title, ["recording", "where", "fault", "from [s]", "to [s]", "note"], rows)
 
 
 def say(text: str) -> None:

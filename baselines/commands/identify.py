@@ -44,6 +44,7 @@ def identify(
     from identification import read_recordings  # noqa: PLC0415
     from identification.likelihood import identify_by_likelihood  # noqa: PLC0415
     from identification.quantities import HANDOUT_RATIOS  # noqa: PLC0415
+    from identification.recordings.faults import gathered  # noqa: PLC0415
 
     ties = {n: v for n, v in (("alpha", alpha), ("beta", beta), ("gamma", gamma)) if v is not None}
     with progress() as bar:
@@ -59,10 +60,9 @@ def identify(
     save_drive(found.drive, output)
     remarks = [f"{r.name}: {note}" for r in runs for note in r.notes]
     remarks += [
-        f"{r.name}: {f.where} {f.id}, {f.start_s:.3f} to {f.end_s:.3f} s, left out"
+        f"{r.name}: {f.where} {f.id}, {f.start_s:.3f} to {f.end_s:.3f} s{f' ({f.note})' if f.note else ''}, left out"
         for r in runs
-        for f in r.faults
-        if f.id != "saturation"
+        for f in gathered(r.faults)
     ]
     if json:
         print_json(_as_json(found, tied, output) | {"recording_notes": remarks})

@@ -13,6 +13,7 @@ from flexdrive_gym import Recording, __version__
 from identification.mismatch.replay import Remaining, remaining, replays
 from identification.mismatch.suggest import Suggestion
 from identification.mismatch.verdict import Diagnosis, RecordingFit
+from identification.recordings.faults import gathered
 
 _MOST_FAULTS = 6
 # the page is wider than an A4 report's text
@@ -260,7 +261,7 @@ def _faults(d: Diagnosis) -> Section:
     section.text("Data faults, not physics: left out of everything on this page.")
     rows = [
         (f.recording, f.where.replace("_", " "), f.id.replace("_", " "), f"{f.start_s:.3f}", f"{f.end_s:.3f}", f.note)
-        for f in faults
+        for f in gathered(faults)
     ]
     section.table(("recording", "channel", "fault", "from [s]", "to [s]", "note"), rows)
     return section

@@ -13,6 +13,7 @@ from baselines.stability_limit import ObservedLimit, explain
 from flexdrive_gym import Recording
 from identification import Identification, Validation
 from identification.quantities import HANDOUT_RATIOS, Quantity
+from identification.recordings.faults import gathered
 from identification.step_response import HandoutResult
 from identification.validation import Overlay
 
@@ -34,8 +35,7 @@ def faults(found: Findings) -> Section:
     rows = [
         (f.recording, f.where, f.id, f"{f.start_s:.3f}", f"{f.end_s:.3f}", f.note)
         for r in found.recordings
-        for f in r.faults
-        if f.id != "saturation"
+        for f in gathered(r.faults)
     ]
     if rows:
         section.text(

@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from threadpoolctl import threadpool_limits
 from flexdrive_gym import Drive
 from flexdrive_gym.recording import Recording
 from identification.likelihood import MaximumLikelihood, identify_by_likelihood
+from identification.mismatch.chance import null_residuals
 from identification.mismatch.excess import excess
 from identification.mismatch.lines import strongest_line
 from identification.mismatch.maps import Map, draw_maps, harmonics
@@ -22,8 +24,9 @@ from identification.mismatch.missing_force import MissingForce, missing_force
 from identification.mismatch.prove import loop_fits, own_rms, total, velocity_fits
 from identification.mismatch.proving import Proof, Proving, held_of, keys_of
 from identification.mismatch.rounds import LEVEL, Progress, Stage
-from identification.mismatch.search import Search, Step, search
-from identification.mismatch.shapes import Shape, likeness
+from identification.mismatch.search import Search, Step, Unlike, search
+from identification.mismatch.settle import settle
+from identification.mismatch.shapes import WORTH, Shape, likeness
 from identification.mismatch.spatial import periods
 from identification.mismatch.split import Split, split_recordings
 from identification.mismatch.verdict import (
@@ -35,6 +38,7 @@ from identification.mismatch.verdict import (
     Unnamed,
     Verdict,
     experiment_for,
+    phrase,
     short,
     statement,
     unit_of,
@@ -45,8 +49,8 @@ from identification.quantities import HANDOUT_RATIOS
 from identification.recordings import read_recordings
 from identification.topology import Topology, topology_of
 
-# a free shape must explain this share of the error, and this much more than all names, to be called unnamed
-_SHAPE_GAIN, _SHAPE_LEAD = 0.045, 1.6
+# a free shape must explain this much more than all names together to be called unnamed in their place
+_SHAPE_LEAD = 1.6
 # and a line in the spectrum this share
 _LINE_SHARE = 0.05
 # a fit this near to the floor leaves nothing to explain
@@ -208,7 +212,11 @@ class _Diagnosing:
             kept = split.prove or split.learn
             own = own_rms(before_values, after_values, kept, self.pool, self.friction_spread)
         findings = self.findings(proofs, drive)
-        unnamed = self.describe(*left) if left else (self.rhythm(found) or self.excess(found))
+        if found.steps and not proofs and not overrules:
+            # what is left is then what there was before any name
+            found = self.nothing_named(found)
+            left, _ = left_unnamed(found)
+        unnamed = self.unnamed(found, left)
         return Diagnosis(
             verdict=_verdict(findings, unnamed, proof),
             faults=tuple(f for r in self.runs for f in r.faults),
@@ -241,6 +249,22 @@ class _Diagnosing:
             tied=self.tied.drive if self.tied else None,
             own_rms=own,
         )
+
+    def nothing_named(self, found: Search) -> Search:
+        """Return a search as if it had found nothing, with the bench around the free drive."""
+        model = settle(self.bench, dict(self.free.drive.values), self.names)
+        null = null_residuals(self.bench, model.values, self.rng).astype(np.float32)
+        last = replace(found.stages[0], before=model, null=null)
+        return replace(found, steps=(), model=model, stages=(last,), last_shapes=found.first_shapes)
+
+    def unnamed(self, found: Search, left: tuple[Shape, Stage] | None) -> Unnamed | None:
+        """Return what no name explains: a name that no two recordings agree about, a shape, a rhythm, more than restlessness."""
+        most = max(found.unlike, key=lambda u: u.share, default=None)
+        if most is not None and most.share >= WORTH and (left is None or most.share > left[0].predicted):
+            return _resembling(most)
+        if left is not None:
+            return self.describe(*left)
+        return self.rhythm(found) or self.excess(found)
 
     def describe(self, shape: Shape, stage: Stage) -> Unnamed:
         nearest = likeness(self.bench, shape, stage.screened)
@@ -338,15 +362,26 @@ def left_unnamed(found: Search) -> tuple[tuple[Shape, Stage] | None, bool]:
     """
     named = 1.0 - float(np.prod([1.0 - s.rival.gain for s in found.steps]))
     most = _SHAPE_LEAD * named
-    rounds = [(found.last, found.last_shapes, _SHAPE_GAIN, 1.0 - named)]
+    rounds = [(found.last, found.last_shapes, WORTH, 1.0 - named)]
     if found.steps:
-        rounds.insert(0, (found.stages[0], found.first_shapes, max(_SHAPE_GAIN, most), 1.0))
+        rounds.insert(0, (found.stages[0], found.first_shapes, max(WORTH, most), 1.0))
     for stage, shapes, least, left in rounds:
         for shape in shapes:
             share = shape.predicted * left
             if share >= least and shape.probability <= LEVEL:
                 return (shape, stage), bool(found.steps) and share >= most
     return None, False
+
+
+def _resembling(found: Unlike) -> Unnamed:
+    """Return what resembles an effect, but needs another size of it in every recording."""
+    id_, where = found.step.rival.name
+    acts = (
+        f"what {phrase(id_)} at {where.replace('_', ' ')} would do, but with a size that differs from recording to recording"
+        f" (p = {found.disagreement.probability:.2g})"
+    )
+    common = found.share / (found.share + found.disagreement.share)
+    return Unnamed(found.disagreement.where, found.share, acts, ((id_, float(np.sqrt(common))),))
 
 
 def _never_negative(recordings: Sequence[Recording], channel: str) -> bool:

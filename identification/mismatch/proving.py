@@ -379,11 +379,21 @@ def _vanishes(step: Step, drive: Drive) -> bool:
 
 
 def _between_runs(bench: Workbench, J: FloatArray, e: FloatArray) -> FloatArray:
-    """Sandwich covariance with the recordings as clusters: what differs from run to run counts once a run."""
-    scores = np.array([J[bench.rows.of(r)].T @ e[bench.rows.of(r)] for r in range(len(bench.runs))])
-    inverse = np.linalg.pinv(J.T @ J, rcond=1e-12, hermitian=True)
-    n = len(scores)
-    return np.asarray(inverse @ (scores.T @ scores) @ inverse * (n / max(n - 1, 1)))
+    r"""Covariance by leaving out one recording at a time: what differs from run to run counts once a run.
+
+    Without recording r the estimate moves by :math:`(J^T J - J_r^T J_r)^+ J_r^T \varepsilon_r`. A sandwich of the scores
+    themselves is too small where recordings are few, for each has drawn the fit towards itself (R. M. Bell, D. F. McCaffrey,
+    Survey Methodology 28, 2002).
+    """
+    own = [J[bench.rows.of(r)] for r in range(len(bench.runs))]
+    square, n = J.T @ J, len(bench.runs)
+    moves = np.array(
+        [
+            np.linalg.pinv(square - part.T @ part, rcond=1e-12, hermitian=True) @ (part.T @ e[bench.rows.of(r)])
+            for r, part in enumerate(own)
+        ]
+    )
+    return np.asarray(moves.T @ moves * ((n - 1) / n))
 
 
 def _interval(name: str, value: float, spread: float, gain: float, *, log: bool) -> tuple[float, float]:

@@ -7,13 +7,16 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from identification.mismatch.alike import Disagreement, disagreement
+from identification.mismatch.along_track import along_track as place_shapes
 from identification.mismatch.candidates import look_alikes
-from identification.mismatch.chance import chance
+from identification.mismatch.chance import chance, null_residuals
 from identification.mismatch.refit import Fit
-from identification.mismatch.rounds import Progress, Rival, Stage, Starts, passes, stage
+from identification.mismatch.rounds import LEVEL, Progress, Rival, Stage, Starts, passes, stage
 from identification.mismatch.settle import settle
-from identification.mismatch.shapes import Shape, free_shapes
-from identification.mismatch.workbench import View, Workbench
+from identification.mismatch.shapes import WORTH, Shape, free_shapes
+from identification.mismatch.surroundings import is_dry_friction
+from identification.mismatch.workbench import Columns, View, Workbench
 from identification.topology import Topology
 
 # once something is certainly left out, which effect it is is decided among all that chance would reach more rarely than this
@@ -25,6 +28,8 @@ ROUGHNESS = 0.012
 WAY_MM = 100.0
 # findings at most, and rivals of one round that are put to the proof
 MOST_EFFECTS, MOST_TRIED = 4, 3
+# of what an effect explains, recordings that want sizes of their own must not explain this share more
+_UNLIKE = 0.35
 # what comes before its refinements, if it explains this share of what the best of them does
 _PLAIN, _PLAIN_GAIN = "coulomb_friction", 0.5
 
@@ -51,15 +56,49 @@ class Step:
     view: View
 
 
+@dataclass(frozen=True, eq=False)
+class Unlike:
+    """A step taken back, for every recording wants another size of it: it only resembles what is missing.
+
+    Attributes
+    ----------
+    step
+        As it was taken.
+    share
+        Of the error left by the steps before it that it explained.
+    disagreement
+        Of the recordings about its size.
+    """
+
+    step: Step
+    share: float
+    disagreement: Disagreement
+
+
 # findings before, a finding, start values: whether it holds on recordings kept away
 Stands = Callable[[Sequence[Step], Step, Mapping[str, float]], bool]
 
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """All rounds: what was taken up, and where it ended."""
+    """All rounds: what was taken up, and where it ended.
+
+    Attributes
+    ----------
+    steps
+        What stands at the end of the search.
+    unlike
+        What was taken back.
+    model
+        With the steps.
+    stages
+        All rounds; the last one is around the model.
+    first_shapes, last_shapes
+        Free shapes beside no name, and beside all.
+    """
 
     steps: tuple[Step, ...]
+    unlike: tuple[Unlike, ...]
     model: Fit
     stages: tuple[Stage, ...] = field(repr=False)
     first_shapes: tuple[Shape, ...] = field(repr=False)
@@ -119,10 +158,54 @@ def search(
         model = settle(bench, best.fit.values, best.fit.names, None if bench.parts else topology.free)
         steps.append(step)
         say(f"found: {best.name[0]} at {best.name[1]}")
+    unlike: list[Unlike] = []
+    while steps:
+        worst = _most_unlike(bench, stages[-1], steps)
+        if worst is None:
+            break
+        unlike.append(worst)
+        steps.remove(worst.step)
+        say(f"taken back: {worst.step.rival.name[0]} at {worst.step.rival.name[1]}")
+        model = _without(bench, model, worst.step, steps, topology)
+        stages.append(replace(stages[-1], before=model, null=_null(bench, model, rng)))
     if len(stages) > 1:
         say("free shapes")
         shapes_found = _shapes(bench, stages[-1])
-    return Search(tuple(steps), model, tuple(stages), first_shapes, shapes_found)
+    return Search(tuple(steps), tuple(unlike), model, tuple(stages), first_shapes, shapes_found)
+
+
+def _most_unlike(bench: Workbench, last: Stage, steps: Sequence[Step]) -> Unlike | None:
+    """Return the step about whose size the recordings disagree most, if they do by more than chance makes them.
+
+    That levels of dry friction differ from run to run says nothing.
+    """
+    found: list[tuple[float, Unlike]] = []
+    left = 1.0
+    for step in reversed(steps):
+        # of the error that is left in the end
+        left /= max(1.0 - step.rival.gain, 1e-3)
+        explained = step.rival.gain * left
+        sizes = [k for k, _ in step.rival.candidate.sizes if k in last.before.names and not is_dry_friction(k)]
+        if not sizes:
+            continue
+        own = disagreement(bench, last.before, last.null, sizes, step.view)
+        if own.probability <= LEVEL and own.share > max(_UNLIKE * explained, WORTH):
+            found.append((own.share / explained, Unlike(step, step.rival.gain, own)))
+    return max(found, key=lambda f: f[0])[1] if found else None
+
+
+def _without(bench: Workbench, model: Fit, gone: Step, others: Sequence[Step], topology: Topology) -> Fit:
+    """Return the model without one of its steps."""
+    keys = gone.rival.candidate.keys
+    names = [n for n in model.names if n not in keys]
+    values = {k: v for k, v in model.values.items() if k not in keys}
+    if all(s.rival.candidate.period is None for s in others):
+        bench.offsets = np.zeros(len(bench.runs))
+    return settle(bench, values, names, None if bench.parts else topology.free)
+
+
+def _null(bench: Workbench, model: Fit, rng: np.random.Generator) -> Columns:
+    return null_residuals(bench, model.values, rng).astype(np.float32)
 
 
 def _proven(now: Stage, drive_level: float, steps: Sequence[Step], stands: Stands) -> Step | None:
@@ -144,7 +227,9 @@ def _shapes(bench: Workbench, stage: Stage) -> tuple[Shape, ...]:
     """Free shapes on the model before a stage, with their false-alarm probabilities."""
     shapes = free_shapes(bench, stage.before)
     luck = chance(bench, {"comparable": [s.screened for s in shapes]}, stage.null, stage.before)
-    return tuple(replace(s, probability=luck.probability(s.screened.candidate.name, [s.gain])) for s in shapes)
+    shapes = [replace(s, probability=luck.probability(s.screened.candidate.name, [s.gain])) for s in shapes]
+    shapes += place_shapes(bench, stage.before, stage.null)
+    return tuple(sorted(shapes, key=lambda s: -s.predicted))
 
 
 def _choose(now: Stage, drive_level: float) -> Rival | None:

@@ -25,6 +25,8 @@ from identification.mismatch.workbench import Workbench
 from identification.output_error import Run, simulate_run
 
 KNOTS = 7
+# share of the error that a shape must explain to be called unnamed
+WORTH = 0.045
 _SIZE_V = 0.05
 
 

@@ -76,6 +76,11 @@ def dry_level(values: Mapping[str, float], c: int) -> float:
     return max(sum(values.get(key.format(c + 1), 0.0) for key in _SLIDING), _LEAST_LEVEL_V)
 
 
+def is_dry_friction(key: str) -> bool:
+    """Whether a parameter is a level of dry friction, which differs from run to run on every rig."""
+    return any(key == own.format(c) for own in (*_SLIDING, *_AT_REST) for c in (1, 2))
+
+
 def rubbed(values: Mapping[str, float], factors: Sequence[float]) -> dict[str, float]:
     """Return a drive with all dry friction of each cart multiplied."""
     changed = dict(values)

@@ -274,16 +274,17 @@ def statement(
     """Return the finding's plain sentence: what, where, how big, how sure, what it explains."""
     sizes = ", ".join(f"{n} = {e}" for n, e in parameters.items())
     text = (
-        f"{_phrase(id_)} at {where.replace('_', ' ')}: {sizes}; explains {share:.0%} of the squared error left without it, "
+        f"{phrase(id_)} at {where.replace('_', ' ')}: {sizes}; explains {share:.0%} of the squared error left without it, "
         f"false-alarm probability {probability:.2g}"
     )
     if ties:
-        rivals = " or ".join(f"{_phrase(t.id)} at {t.where.replace('_', ' ')}" for t in ties)
+        rivals = " or ".join(f"{phrase(t.id)} at {t.where.replace('_', ' ')}" for t in ties)
         text += f"; these recordings cannot tell it from {rivals}"
     return text + "."
 
 
-def _phrase(id_: str) -> str:
+def phrase(id_: str) -> str:
+    """Return an effect's name in words."""
     return id_.replace("_", " ")
 
 

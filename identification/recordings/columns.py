@@ -171,14 +171,7 @@ def recognise_column(label: str, source: str = "columns") -> Column | None:
             return None
         factor = _factor(signal, bracket["unit"]) if bracket["unit"].strip() else 1.0
         if factor is None:
-            raise broken(
-                source,
-                f"column {label}",
-                f"the unit must be one of {DIMENSION[signal]}, for example {LAB_UNIT[DIMENSION[signal]]}",
-                bracket["unit"],
-                f"Convert the column to {LAB_UNIT[DIMENSION[signal]]} and rename it {signal} "
-                f"[{LAB_UNIT[DIMENSION[signal]]}].",
-            )
+            raise _no_unit(source, label, signal, bracket["unit"])
         return Column(label, signal, factor)
     # the unit is the longest tail that is a unit of what the head names: v1 | mm_s, never v1_mm | s
     for cut in _SEPARATOR.finditer(label):
@@ -249,11 +242,39 @@ def require_columns(columns: Iterable[Column], labels: Sequence[str], source: st
     """
     have = {column.signal for column in columns}
     got = f"columns {', '.join(labels)}" if labels else "no columns"
-    for signal, meaning, example in (("t", "time", "t_s"), ("u", "the command", "u_V")):
-        if signal not in have:
+    for wanted, meaning, example in (
+        (("t",), "time", "t_s"),
+        (("u",), "the command", "u_V"),
+        (MEASURED, "at least one of x1, x2, v1, v2", "x1_mm"),
+    ):
+        if have.isdisjoint(wanted):
+            for label in labels:
+                strange = _strange_unit(label)
+                if strange is not None and strange[0] in wanted:
+                    raise _no_unit(source, label, *strange)
             raise _missing(source, meaning, example, labels, got)
-    if not have & set(MEASURED):
-        raise _missing(source, "at least one of x1, x2, v1, v2", "x1_mm", labels, got)
+
+
+def _strange_unit(label: str) -> tuple[Signal, str] | None:
+    """Return the signal and the tail of a name that is a signal and something else, which is no unit of it."""
+    if _BRACKETS.match(label) or recognise_column(label) is not None:
+        return None
+    for cut in _SEPARATOR.finditer(label):
+        signal = _signal(label[: cut.start()])
+        if signal is not None:
+            return signal, label[cut.end() :]
+    return None
+
+
+def _no_unit(source: str, label: str, signal: Signal, unit: str) -> RecordingError:
+    lab = LAB_UNIT[DIMENSION[signal]]
+    return broken(
+        source,
+        f"column {label}",
+        f"the unit must be one of {DIMENSION[signal]}, for example {lab}",
+        unit,
+        f"Convert the column to {lab} and rename it {signal} [{lab}].",
+    )
 
 
 def _missing(source: str, meaning: str, example: str, labels: Sequence[str], got: str) -> RecordingError:

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from identification.recordings.motion import Encoder
     from identification.recordings.timing import Uniform
 
+# places of one kind of fault in a recording that are listed one by one
+MOST_PLACES = 20
 ENCODERS: tuple[Encoder, ...] = ("encoder_1", "encoder_2")
 # where a missing value is masked; u and xr concern the run as a whole
 _WHERE: dict[str, Encoder] = {"x1": "encoder_1", "v1": "encoder_1", "x2": "encoder_2", "v2": "encoder_2"}
@@ -107,6 +109,26 @@ def merge_faults(faults: Sequence[Fault], Ts: float) -> tuple[Fault, ...]:
         else:
             merged.append(fault)
     return tuple(sorted(merged, key=lambda f: (f.start_s, f.where, f.id)))
+
+
+def gathered(faults: Sequence[Fault]) -> list[Fault]:
+    """Return faults as a person reads them: what a recording has in very many places is one fault, whose note counts them.
+
+    ``saturation`` is left out: it is no fault of a sensor.
+    """
+    kinds: dict[tuple[str, str, str], list[Fault]] = {}
+    for fault in faults:
+        if fault.id != "saturation":
+            kinds.setdefault((fault.recording, fault.where, fault.id), []).append(fault)
+    shown: list[Fault] = []
+    for own in kinds.values():
+        if len(own) <= MOST_PLACES:
+            shown += own
+            continue
+        counted = f"in {len(own)} places"
+        note = f"{counted}; {own[0].note}" if own[0].note else counted
+        shown.append(replace(own[0], end_s=max(f.end_s for f in own), note=note))
+    return shown
 
 
 def _notes(first: str, second: str) -> str:

@@ -69,6 +69,13 @@ def test_unknown_unit_of_a_known_signal_is_refused():
         recognise_column("v1 [ticks/s]", "log.csv")
 
 
+def test_a_signal_that_is_missing_but_for_its_unit_is_named():
+    labels = ["t_s", "u_V", "v1_furlong_s"]
+    columns, _ = assign_columns(labels, "log.csv")
+    with pytest.raises(RecordingError, match=r"column v1_furlong_s: the unit .* velocity, .* got furlong_s"):
+        require_columns(columns.values(), labels, "log.csv")
+
+
 def test_two_columns_of_one_signal_are_refused():
     with pytest.raises(RecordingError, match="column position1: each signal may appear once; got x1_mm and"):
         assign_columns(["t", "u", "x1_mm", "position1"], "log.csv")
@@ -86,7 +93,7 @@ def test_unknown_columns_are_named_in_a_note():
     [
         (["u", "v1"], "must contain time"),
         (["t", "v1"], "must contain the command"),
-        (["t", "u", "speed_ticks_s"], "must contain at least one of x1, x2, v1, v2; got columns t, u, speed_t"),
+        (["t", "u", "flow_l_s"], "must contain at least one of x1, x2, v1, v2; got columns t, u, flow_l"),
     ],
 )
 def test_time_command_and_a_measurement_are_required(labels, missing):

@@ -4,7 +4,7 @@ import numpy as np
 
 from flexdrive_gym.recording import Fault, Recording
 from identification.recordings import find_faults, recognise_excitation
-from identification.recordings.faults import merge_faults
+from identification.recordings.faults import MOST_PLACES, gathered, merge_faults
 from tests.identification.recordings.logs import COUNT, closed_loop, recording
 
 
@@ -86,3 +86,16 @@ def test_touching_faults_of_one_kind_are_merged_with_their_notes():
         ("encoder_1", "encoder_dropout", 0.32, 0.33, "frozen"),
         ("encoder_1", "encoder_dropout", 0.5, 0.6, "frozen"),
     ]
+
+
+def test_what_is_missing_in_very_many_places_is_told_once():
+    many = [
+        Fault("run", "encoder_1", "missing_samples", 0.1 * i, 0.1 * i, "interpolated") for i in range(MOST_PLACES + 1)
+    ]
+    few = [Fault("run", "encoder_2", "encoder_dropout", 0.5, 0.7), Fault("run", "actuator", "saturation", 0.0, 1.0)]
+    told = gathered([*many, *few])
+    assert [(f.where, f.start_s, f.end_s, f.note) for f in told] == [
+        ("encoder_1", 0.0, 0.1 * MOST_PLACES, f"in {len(many)} places; interpolated"),
+        ("encoder_2", 0.5, 0.7, ""),
+    ]
+    assert gathered(many[1:]) == many[1:]
