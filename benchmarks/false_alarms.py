@@ -11,7 +11,6 @@ import argparse
 import json
 import sys
 import time
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,6 +26,7 @@ from flexdrive_gym.files import write_atomically
 from flexdrive_gym.recording import FloatArray
 from identification import diagnose, identify, read_recordings
 from identification.mismatch.chance import nuisance
+from identification.mismatch.crew import Crew
 from identification.mismatch.workbench import Workbench
 from identification.output_error import prepare, simulate_run
 
@@ -87,7 +87,7 @@ def null_day(values: dict[str, float], seed: int) -> list[Recording]:
     kinds = [("square", a, 0.5) for a in (1.5, 1.5, 2.0, 2.0)] + [("sine", 2.5, f) for f in FREQUENCIES_HZ]
     quiet = [replace(open_loop(drive, *kind), name=f"{i:02d} {kind[0]}") for i, kind in enumerate(kinds)]  # type: ignore[arg-type]
     runs = [prepare(r) for r in quiet]
-    with ThreadPoolExecutor(1) as pool:
+    with Crew(1) as pool:
         bench = Workbench(runs, pool)
         disturbances = nuisance(bench, values, [run.measured for run in runs], seed)
 

@@ -4,13 +4,13 @@
 """
 
 import io
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from baselines.report import words
 from baselines.sample import FOLDER
 from flexdrive_gym.files import write_atomically
 from identification import Diagnosis, diagnose
+from identification.mismatch.crew import Crew
 from identification.mismatch.replay import remaining, replays
 from identification.plots import plot_before_after, plot_telling_map
 
@@ -26,7 +26,7 @@ def write(found: Diagnosis, folder: Path) -> None:
     fits = [f for f in found.per_recording if f.recording in runs]
     best = max(fits, key=lambda f: f.before_rms - f.after_rms)
     run = runs[best.recording]
-    with ThreadPoolExecutor(2) as pool:
+    with Crew(2) as pool:
         before, after = (replays(drive, [run], pool)[0] for drive in (found.free, found.learnt or found.drive))
         forces = remaining(found, pool)
     named = words.listed(words.effect_name(f.id) for f in found.findings) if found.findings else "nothing"

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 
 from baselines.report import words
 from baselines.report.page import Section, render
 from flexdrive_gym import Recording, __version__
+from identification.mismatch.crew import Crew
 from identification.mismatch.replay import Remaining, remaining, replays
 from identification.mismatch.suggest import Suggestion
 from identification.mismatch.verdict import Diagnosis, RecordingFit
@@ -40,7 +40,7 @@ def build_diagnosis(
     jobs
         Threads; default: the processors this process may use.
     """
-    with ThreadPoolExecutor(jobs or len(os.sched_getaffinity(0))) as pool:
+    with Crew(jobs or len(os.sched_getaffinity(0))) as pool:
         forces = remaining(diagnosis, pool)
         sections = [
             _overlay(diagnosis, pool),
@@ -67,7 +67,7 @@ def build_diagnosis(
 
 def main_sections(diagnosis: Diagnosis, *, jobs: int | None = None) -> list[Section]:
     """Return what the handout's report shows of a diagnosis: the overlay, the missing force, the findings."""
-    with ThreadPoolExecutor(jobs or len(os.sched_getaffinity(0))) as pool:
+    with Crew(jobs or len(os.sched_getaffinity(0))) as pool:
         forces = remaining(diagnosis, pool)
         sections = [_overlay(diagnosis, pool), _maps(diagnosis, forces), _findings(diagnosis), _predictions(diagnosis)]
     for section, title in zip(
@@ -142,7 +142,7 @@ def shown_recording(d: Diagnosis) -> tuple[Recording, RecordingFit]:
     return runs[best.recording], best
 
 
-def _overlay(d: Diagnosis, pool: ThreadPoolExecutor) -> Section:
+def _overlay(d: Diagnosis, pool: Crew) -> Section:
     from identification.plots import plot_before_after, plot_validation  # noqa: PLC0415  (matplotlib)
 
     section = Section("Measured against simulated", "overlay")

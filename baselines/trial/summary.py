@@ -77,6 +77,8 @@ class Summary:
         Drive to the median relative error of its predicted critical gain, in trials that conceal an effect or an outsider.
     base, effects
         Accuracy of parameters.
+    null_inside
+        Of m1 … d2 on nulls: within their 95 % intervals.
     detection
         By effect.
     confusion
@@ -105,6 +107,7 @@ class Summary:
     gain_error: Mapping[str, float]
     base: tuple[Accuracy, ...]
     effects: tuple[Accuracy, ...]
+    null_inside: Share | None
     detection: tuple[Detection, ...]
     confusion: Mapping[str, Mapping[str, int]]
     seconds: tuple[float, float]
@@ -143,6 +146,7 @@ def summarise(trials: Sequence[Judged]) -> Summary:
         gain_error={drive: _median_gain_error(physics, drive) for drive in DRIVES},
         base=_accuracy([k for t in trials for k in t.base]),
         effects=_accuracy([k for t in trials for k in t.effects]),
+        null_inside=share([k.inside for t in nulls for k in t.base]),
         detection=_detection(single),
         confusion=_confusion(trials),
         seconds=(_median([t.seconds for t in trials]), max((t.seconds for t in trials), default=float("nan"))),
@@ -259,6 +263,7 @@ _AIMS: tuple[Aim, ...] = (
     ("median error of the critical gain, handout's tied fit", lambda s: _percent(s.gain_error["tied"]), ""),
     ("median error of the critical gain, free fit", lambda s: _percent(s.gain_error["free"]), ""),
     ("median error of the critical gain, diagnosed drive", lambda s: _percent(s.gain_error["diagnosed"]), "≤ 5 %"),
+    ("m1 … d2 of nulls within their 95 % intervals", lambda s: s.null_inside, "95 %"),
     ("seconds per diagnosis on one core, median", lambda s: s.seconds[0], ""),
 )
 

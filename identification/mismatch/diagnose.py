@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from flexdrive_gym import Drive
 from flexdrive_gym.recording import Recording
 from identification.likelihood import MaximumLikelihood, identify_by_likelihood
 from identification.mismatch.chance import null_residuals
+from identification.mismatch.crew import Crew
 from identification.mismatch.excess import excess
 from identification.mismatch.lines import strongest_line
 from identification.mismatch.maps import Map, draw_maps, harmonics
@@ -100,7 +100,7 @@ def diagnose(
     runs = _read(recordings)
     split = split_recordings(runs)
     # its own threads keep the processors busy: those of the linear algebra would only be in their way
-    with threadpool_limits(1, user_api="blas"), ThreadPoolExecutor(jobs or len(os.sched_getaffinity(0))) as pool:
+    with threadpool_limits(1, user_api="blas"), Crew(jobs or len(os.sched_getaffinity(0))) as pool:
         return _Diagnosing(
             runs, split, topology or topology_of(split.learn), np.random.default_rng(seed), pool, say, jobs
         ).result(begin)
@@ -124,7 +124,7 @@ class _Diagnosing:
         split: Split,
         topology: Topology,
         rng: np.random.Generator,
-        pool: Executor,
+        pool: Crew,
         say: Progress,
         jobs: int | None,
     ) -> None:

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 
 from flexdrive_gym import Drive, Provenance, Recording, __version__
 from identification.initial_state import with_start
+from identification.mismatch.crew import Crew
 from identification.mismatch.refit import Fit, refit
 from identification.mismatch.rounds import Progress
 from identification.mismatch.verdict import Diagnosis
@@ -70,7 +70,7 @@ def climb(
     names = list(topology.free)
     kept: dict[str, float] = {}
     before: Mapping[str, float] = found.free.values
-    with ThreadPoolExecutor(jobs or len(os.sched_getaffinity(0))) as pool:
+    with Crew(jobs or len(os.sched_getaffinity(0))) as pool:
         for name, keys, held in steps:
             say(f"fitting the ladder: {name}")
             names += keys
@@ -96,7 +96,7 @@ def fit_measured(
     recordings: Sequence[Recording],
     topology: Topology,
     window: int,
-    pool: Executor,
+    pool: Crew,
 ) -> Fit:
     """Fit parameters to what was measured, start states and weights anew in every round; the cost is unweighted."""
     runs = [prepare_measured(r) for r in recordings]

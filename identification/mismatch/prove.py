@@ -7,13 +7,13 @@ track, the place where a new run began is unknown and is found in that run: one 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Executor
 
 import numpy as np
 
 from flexdrive_gym import Drive
 from flexdrive_gym.recording import FloatArray, Recording
 from identification.floor import measure_floor
+from identification.mismatch.crew import Crew
 from identification.mismatch.refit import refit
 from identification.mismatch.settle import absorb
 from identification.mismatch.surroundings import rubbed
@@ -48,7 +48,7 @@ def period_of(values: Mapping[str, float]) -> float:
     return min(found, default=0.0)
 
 
-def place(values: Mapping[str, float], recordings: Sequence[Recording], pool: Executor) -> FloatArray:
+def place(values: Mapping[str, float], recordings: Sequence[Recording], pool: Crew) -> FloatArray:
     """Return where every run began along the track [mm], as far as a repeating effect tells."""
     period = period_of(values)
     # parts of one recording keep its clock, and its place along the track
@@ -69,7 +69,7 @@ def velocity_fits(
     after: Mapping[str, float],
     recordings: Sequence[Recording],
     everything: Sequence[Recording],
-    pool: Executor,
+    pool: Crew,
     *,
     held_out: bool,
 ) -> list[RecordingFit]:
@@ -107,7 +107,7 @@ def tried_on(
     recordings: Sequence[Recording],
     without: Mapping[str, float],
     everything: Mapping[str, float],
-    pool: Executor,
+    pool: Crew,
     *,
     parts: bool,
     view: View,
@@ -132,7 +132,7 @@ def own_rms(
     before: Mapping[str, float],
     after: Mapping[str, float],
     recordings: Sequence[Recording],
-    pool: Executor,
+    pool: Crew,
     spread: float,
 ) -> tuple[float, float]:
     """Return the rms of recordings before and after, sample by sample [mm/s], each run with its own dry friction."""

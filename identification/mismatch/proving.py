@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Executor
 from copy import copy
 from dataclasses import dataclass, field, replace
 
@@ -15,6 +14,7 @@ from flexdrive_gym import Covariance, Drive, Provenance, __version__
 from flexdrive_gym.drive.effects import LAYOUT
 from flexdrive_gym.recording import FloatArray, Recording
 from identification.methods import rig_parameters
+from identification.mismatch.crew import Crew
 from identification.mismatch.prove import place, polished, total, tried_on, velocity_fits
 from identification.mismatch.refit import Coordinates, refit, sensitivities
 from identification.mismatch.rounds import Progress
@@ -122,7 +122,7 @@ class Proving:
         topology: Topology,
         free: Mapping[str, float],
         searched: Workbench,
-        pool: Executor,
+        pool: Crew,
         say: Progress,
     ) -> None:
         self.runs, self.split, self.topology, self.names = runs, split, topology, topology.free
@@ -158,7 +158,6 @@ class Proving:
         def apart() -> tuple[Proving, Judges]:
             other, bench = copy(self), judges.bench
             other.bench = self.bench.alone()
-            other.pool = other.bench.pool
             return other, replace(judges, bench=None if bench is None else bench.alone())
 
         def compare(steps: Sequence[Step]) -> None:

@@ -9,13 +9,13 @@ smoother gets wrong is in both and cancels.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from flexdrive_gym import Drive
 from flexdrive_gym.recording import Recording
+from identification.mismatch.crew import Crew
 from identification.mismatch.maps import Map, draw_maps
 from identification.mismatch.missing_force import MissingForce, missing_force
 from identification.mismatch.prove import place
@@ -40,7 +40,7 @@ def replay(drive: Drive, recording: Recording, offset: float = 0.0) -> Recording
     return replace(recording, x1=None, x2=None, v1=v[0], v2=v[1] if len(v) > 1 else None, source="simulated")
 
 
-def replays(drive: Drive, recordings: Sequence[Recording], pool: Executor) -> list[Recording]:
+def replays(drive: Drive, recordings: Sequence[Recording], pool: Crew) -> list[Recording]:
     """Return the replays of open-loop recordings, each begun where along the track it fits best."""
     offsets = place(drive.values, recordings, pool)
     return list(pool.map(lambda item: replay(drive, *item), zip(recordings, map(float, offsets), strict=True)))
@@ -83,7 +83,7 @@ def _agreement(before: Map, supply: Map) -> float:
     return max(before.explained, 0.0) * before.size**2 * taken
 
 
-def remaining(diagnosis: Diagnosis, pool: Executor) -> Remaining:
+def remaining(diagnosis: Diagnosis, pool: Crew) -> Remaining:
     """Return what the diagnosis explains of the missing forces, and what it leaves."""
     free: Mapping[str, float] = diagnosis.free.values
     runs = diagnosis.split.learn

@@ -168,12 +168,7 @@ def stage(
     tried = list(bench.pool.map(refitted, chosen))
     first = max(tried, key=lambda r: max(r.gains), default=None)
     if first is not None and max(first.gains) > _WORTH_A_LOOK:
-        alike = _alike(first, leaders)
-        if len(alike) == 1:
-            # by itself it has all threads
-            tried.append(_beside(bench, model, alike[0], first))
-        else:
-            tried += bench.pool.map(lambda s, first=first: _beside(bench.alone(), model, s, first), alike)
+        tried += bench.pool.map(lambda s, first=first: _beside(bench.alone(), model, s, first), _alike(first, leaders))
     best: dict[tuple[str, str], Rival] = {}
     for r in (r for r in tried if _repeats(bench, r)):
         if r.name not in best or max(r.gains) > max(best[r.name].gains):

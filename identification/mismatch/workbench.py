@@ -20,7 +20,6 @@ seen best among the first, for every single run might have had it by itself; mos
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor, Future
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -30,6 +29,7 @@ import numpy.typing as npt
 
 from flexdrive_gym.drive.compilation import kernel
 from flexdrive_gym.recording import BoolArray, FloatArray
+from identification.mismatch.crew import Crew
 from identification.output_error import Run, simulate_run
 
 View = Literal["comparable", "weighted"]
@@ -125,18 +125,6 @@ FRICTION = Prior("friction", 0.06, 0.02, 0.15)
 OFFSET = Prior("offset", 0.01, 0.002, 0.015)
 
 
-class _Here(Executor):
-    """Does everything at once, on the thread that asks."""
-
-    def submit(self, function: Callable[..., Any], /, *arguments: Any, **named: Any) -> Future[Any]:
-        done: Future[Any] = Future()
-        try:
-            done.set_result(function(*arguments, **named))
-        except BaseException as error:  # noqa: BLE001  (handed on to whoever asks for the result)
-            done.set_exception(error)
-        return done
-
-
 class Workbench:
     """Recordings of one drive, and what is needed to compare models of it.
 
@@ -145,12 +133,12 @@ class Workbench:
     runs
         Prepared recordings.
     pool
-        Runs the recordings on its threads.
+        Runs the recordings on its threads, and tasks side by side that run recordings.
     parts
         Whether they are parts of one recording: then friction and the track are the same in all.
     """
 
-    def __init__(self, runs: Sequence[Run], pool: Executor, *, parts: bool = False) -> None:
+    def __init__(self, runs: Sequence[Run], pool: Crew, *, parts: bool = False) -> None:
         self.runs = list(runs)
         self.pool = pool
         self.parts = parts
@@ -168,12 +156,12 @@ class Workbench:
         return period is not None and not self.parts
 
     def alone(self) -> Workbench:
-        """Return a bench that works on the thread that asks, and whose weights, places and surroundings are its own.
+        """Return a bench for one of several tasks side by side: its weights, places and surroundings are its own.
 
-        What takes many steps one after the other, like a refit, keeps more cores busy beside others than split up.
+        What takes many steps one after the other, like a refit, keeps more cores busy beside others than split up; threads that
+        have no task of their own lend a hand.
         """
         other = copy(self)
-        other.pool = _Here()
         other.weights, other.offsets = self.weights.copy(), self.offsets.copy()
         return other
 

@@ -34,6 +34,8 @@ def test_rates_count_what_they_say():
     assert s.gain_error["diagnosed"] == pytest.approx(0.05)
     assert s.over_floor == pytest.approx((2.0, 1.1))
     assert s.null_over_floor == pytest.approx(2.0)
+    # seven parameters of each null
+    assert s.null_inside.trials == 21
 
 
 def test_the_detection_limit_lies_between_what_was_missed_and_what_was_named():

@@ -1,11 +1,11 @@
 """Short simulated runs for the tests of the diagnosis, with forces that no drive explains."""
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 
 from flexdrive_gym import Drive, Excitation, Recording
+from identification.mismatch.crew import Crew
 from identification.mismatch.split import Split
 from identification.mismatch.verdict import Diagnosis, RecordingFit
 from identification.mismatch.workbench import Workbench
@@ -27,7 +27,7 @@ def short_day(effects=None, *, force=0.05, kinds=SHORT, t=T):
     ]
 
 
-def workbench(recordings, pool: ThreadPoolExecutor) -> Workbench:
+def workbench(recordings, pool: Crew) -> Workbench:
     return Workbench([prepare(r) for r in recordings], pool)
 
 

@@ -1,6 +1,5 @@
 """Recordings agree about the size of what is there, and disagree about that of what only resembles it."""
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +7,7 @@ import pytest
 
 from identification.mismatch.alike import disagreement
 from identification.mismatch.chance import null_residuals
+from identification.mismatch.crew import Crew
 from identification.mismatch.settle import settle
 from identification.topology import TWO_CARTS
 from tests.drive.drives import RIG
@@ -28,7 +28,7 @@ def clipped(run, limit):
 
 def disagreed(limits):
     day = [clipped(run, limit) for run, limit in zip(short_day(kinds=SHORT[1:]), limits, strict=True)]
-    with ThreadPoolExecutor(2) as pool:
+    with Crew(2) as pool:
         bench = workbench(day, pool)
         model = settle(bench, {**RIG, SIZE: 1.8}, (*TWO_CARTS.free, SIZE))
         null = null_residuals(bench, model.values, np.random.default_rng(1), DRAWS)

@@ -1,6 +1,5 @@
 """A force that stands on the track is found although every run began anywhere, and none is found where there is none."""
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +7,7 @@ import pytest
 
 from identification.mismatch.along_track import PLAIN, VARIABLE, along_track
 from identification.mismatch.chance import null_residuals
+from identification.mismatch.crew import Crew
 from identification.mismatch.settle import settle
 from identification.topology import TWO_CARTS
 from tests.drive.drives import RIG
@@ -28,7 +28,7 @@ def held(run, begins):
 
 
 def shapes_of(recordings):
-    with ThreadPoolExecutor(2) as pool:
+    with Crew(2) as pool:
         bench = workbench(recordings, pool)
         model = settle(bench, RIG, TWO_CARTS.free)
         null = null_residuals(bench, model.values, np.random.default_rng(1), DRAWS)

@@ -1,12 +1,12 @@
 """An error that no restless rig has is told from one that it may have."""
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from identification.mismatch.chance import null_residuals
+from identification.mismatch.crew import Crew
 from identification.mismatch.excess import excess
 from identification.mismatch.settle import settle
 from identification.topology import TWO_CARTS
@@ -17,7 +17,7 @@ DRAWS = 60
 
 
 def excess_of(recordings):
-    with ThreadPoolExecutor(2) as pool:
+    with Crew(2) as pool:
         bench = workbench(recordings, pool)
         model = settle(bench, RIG, TWO_CARTS.free)
         null = null_residuals(bench, model.values, np.random.default_rng(1), DRAWS)

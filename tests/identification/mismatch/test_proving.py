@@ -1,6 +1,5 @@
 """What is found must be there: in every recording, and as the effect that it is called."""
 
-from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,6 +7,7 @@ import pytest
 
 from flexdrive_gym import Drive
 from identification.mismatch.candidates import catalogue
+from identification.mismatch.crew import Crew
 from identification.mismatch.prove import own_friction
 from identification.mismatch.proving import Proof, _between_runs, _vanishes
 from tests.drive.drives import RIG
@@ -44,7 +44,7 @@ def test_what_is_small_must_be_plain_in_recordings_kept_away(share, learnt, kept
 def test_every_run_is_met_with_its_own_friction():
     rubbing = {"d2": 1.3 * RIG["d2"]}
     day = [*short_day(kinds=SHORT[1:2]), *short_day(rubbing, kinds=SHORT[1:2])]
-    with ThreadPoolExecutor(2) as pool:
+    with Crew(2) as pool:
         bench = workbench(day, pool)
         bench.weigh(bench.residual(RIG))
         usual, other = own_friction(bench, RIG, 0.1)

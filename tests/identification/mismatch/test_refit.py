@@ -1,11 +1,10 @@
 """A refit finds what is there, and goes nowhere that cannot be simulated."""
 
-from concurrent.futures import ThreadPoolExecutor
-
 import pytest
 
 from flexdrive_gym.drive.parameters import fastest
 from identification.mismatch import refit as module
+from identification.mismatch.crew import Crew
 from identification.mismatch.refit import refit
 from identification.output_error import PHYSICS_S
 from tests.drive.drives import RIG
@@ -16,7 +15,7 @@ PLAY = {"motor_gear_backlash.mass": 1e-4, "motor_gear_backlash.gap": 0.1, "motor
 
 @pytest.fixture(scope="module")
 def bench():
-    with ThreadPoolExecutor(2) as pool:
+    with Crew(2) as pool:
         made = workbench(short_day()[:2], pool)
         made.weigh(made.residual(RIG))
         yield made

@@ -1,11 +1,10 @@
 """With the true drive as the diagnosed one, nothing remains of the missing force."""
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 import pytest
 
 from flexdrive_gym import Drive
+from identification.mismatch.crew import Crew
 from identification.mismatch.replay import remaining, replay
 from identification.mismatch.split import Split
 from identification.plots.mismatch import plot_before_after, plot_maps, plot_telling_map, telling_window
@@ -19,7 +18,7 @@ HARD = {"hardening_spring.k3": 2e-4}
 def found():
     recordings = tuple(short_day(HARD, force=0.02))
     d = diagnosis(free=Drive(RIG), drive=Drive({**RIG, **HARD}), split=Split(recordings, (), ()))
-    with ThreadPoolExecutor(2) as pool:
+    with Crew(2) as pool:
         return d, remaining(d, pool)
 
 
@@ -34,7 +33,7 @@ def test_the_true_physics_leaves_little(found):
 def test_wrong_physics_leaves_all(found):
     d, _ = found
     other = diagnosis(free=d.free, drive=d.free, split=d.split)
-    with ThreadPoolExecutor(2) as pool:
+    with Crew(2) as pool:
         forces = remaining(other, pool)
     assert forces.after[0].size == pytest.approx(forces.before[0].size, rel=0.1)
 

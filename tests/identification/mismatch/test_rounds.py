@@ -1,6 +1,5 @@
 """A round refits what leads, and what looks like it from where the leader ended."""
 
-from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,6 +7,7 @@ import pytest
 
 from identification.mismatch import rounds
 from identification.mismatch.candidates import catalogue
+from identification.mismatch.crew import Crew
 from identification.mismatch.settle import settle
 from identification.topology import TWO_CARTS
 from tests.drive.drives import RIG
@@ -24,7 +24,7 @@ def few(monkeypatch):
 
 def test_a_look_alike_is_refitted_from_where_the_leader_ended(few):
     """A breakaway several times its usual size is far from any drive without one; a low-speed hump is on the way."""
-    with ThreadPoolExecutor(2) as pool:
+    with Crew(2) as pool:
         bench = workbench(short_day({"breakaway.cart_1.extra": 1.2}), pool)
         model = settle(bench, RIG, TWO_CARTS.free)
         found = rounds.stage(bench, model, TWO_CARTS, np.random.default_rng(0), {}, {})

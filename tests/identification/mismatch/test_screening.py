@@ -1,12 +1,11 @@
 """Screening puts a planted effect first, and chance is as likely as it says."""
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 import pytest
 
 from identification.mismatch.candidates import Candidate, catalogue
 from identification.mismatch.chance import chance, null_residuals
+from identification.mismatch.crew import Crew
 from identification.mismatch.rounds import best_of_each, directions, screened_in
 from identification.mismatch.screening import Screened
 from identification.mismatch.settle import settle
@@ -42,7 +41,7 @@ def judged(recordings, pool):
     ],
 )
 def test_a_planted_effect_comes_first(name, effect):
-    with ThreadPoolExecutor(2) as pool:
+    with Crew(2) as pool:
         *_, views = judged(short_day(effect), pool)
     assert best_of_each(views["comparable"])[0].candidate.name == name
     # of plain residuals it explains most
@@ -51,7 +50,7 @@ def test_a_planted_effect_comes_first(name, effect):
 
 def test_null_draws_are_calibrated():
     """The probability of draws that are themselves null is uniform: their mean is a half."""
-    with ThreadPoolExecutor(2) as pool:
+    with Crew(2) as pool:
         bench, model, views = judged(short_day(kinds=SHORT[1:4]), pool)
         reference, others = (
             chance(bench, views, null_residuals(bench, model.values, np.random.default_rng(seed), draws), model)
@@ -68,7 +67,7 @@ def test_null_draws_are_calibrated():
 
 def test_what_repeats_along_the_track_has_one_amplitude():
     """A wave whose amplitude is the same in every run explains what runs with amplitudes of their own do not."""
-    with ThreadPoolExecutor(2) as pool:
+    with Crew(2) as pool:
         bench, *_ = judged(short_day(kinds=SHORT[1:4]), pool)
         rows = [bench.rows.of(r) for r in range(len(bench.runs))]
         waves = np.zeros((len(bench.weights), 2))
@@ -85,7 +84,7 @@ def test_what_repeats_along_the_track_has_one_amplitude():
 
 def test_a_force_that_all_runs_share_is_seen_better_as_weighted():
     """Any single run might have had it by itself, so comparable residuals hardly show it."""
-    with ThreadPoolExecutor(2) as pool:
+    with Crew(2) as pool:
         bench, model, views = judged(short_day({"coulomb_asymmetry.cart_1.a": 0.02}), pool)
         luck = chance(bench, views, null_residuals(bench, model.values, np.random.default_rng(1), 40), model)
     name = ("coulomb_asymmetry", "cart_1")

@@ -1,10 +1,9 @@
 """The workbench's algebra equals the dense formulas."""
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 import pytest
 
+from identification.mismatch.crew import Crew
 from identification.mismatch.settle import absorb
 from identification.mismatch.workbench import FRICTION, OFFSET, Disturbance
 from identification.output_error import simulate_run
@@ -14,7 +13,7 @@ from tests.identification.mismatch.lab import short_day, workbench
 
 @pytest.fixture(scope="module")
 def bench():
-    with ThreadPoolExecutor(2) as pool:
+    with Crew(2) as pool:
         yield workbench(short_day()[:2], pool)
 
 
