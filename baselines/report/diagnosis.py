@@ -11,6 +11,7 @@ from baselines.report.page import Section, render
 from flexdrive_gym import Recording, __version__
 from identification.mismatch.crew import Crew
 from identification.mismatch.replay import Remaining, remaining, replays
+from identification.mismatch.shapes import ALONG_TRACK, FRICTION
 from identification.mismatch.suggest import Suggestion
 from identification.mismatch.verdict import Diagnosis, RecordingFit
 from identification.recordings.faults import gathered
@@ -168,7 +169,7 @@ def _overlay(d: Diagnosis, pool: Crew) -> Section:
 
 
 def _maps(d: Diagnosis, forces: Remaining) -> Section:
-    from identification.plots import plot_maps, plot_telling_map  # noqa: PLC0415
+    from identification.plots import plot_curve, plot_maps, plot_telling_map  # noqa: PLC0415
 
     section = Section("The force that is missing", "maps")
     if not forces.before:
@@ -176,6 +177,15 @@ def _maps(d: Diagnosis, forces: Remaining) -> Section:
     if len(d.located) > 1:
         parts = [f"{p.share_of_error:.0%} of it on {p.where.replace('_', ' ')}" for p in d.located]
         section.text(f"By mean square, {words.listed(parts)}.")
+    if d.unnamed is not None and d.unnamed.curve is not None:
+        curve, cart = d.unnamed.curve, d.unnamed.where.replace("_", " ")
+        about = (
+            f"What has no name: the force missing on {cart} as a free function of {curve.variable.removeprefix(FRICTION)}, "
+            "with two standard errors over the recordings."
+        )
+        if curve.variable == ALONG_TRACK:
+            about += " Every run began anywhere; they were laid over one another until they agreed."
+        section.figure(plot_curve(curve, d.unnamed.where), about, dpi=_DPI)
     small = (
         "The same for both carts against everything a force could depend on, with the share of the missing force that each "
         "map predicts in recordings left out"

@@ -25,10 +25,9 @@ from identification.mismatch.candidates import Candidate
 from identification.mismatch.chance import Chance
 from identification.mismatch.refit import Fit
 from identification.mismatch.screening import Screened, orthonormal
-from identification.mismatch.shapes import Shape
+from identification.mismatch.shapes import ALONG_TRACK, Shape
 from identification.mismatch.workbench import Columns, Workbench
 
-VARIABLE = "the place along the track"
 # every track has hills: what explains less than this share of the squared error is no more than that
 PLAIN = 0.15
 # knots along the widest way of a recording, and how far recordings are moved over one another at most
@@ -62,17 +61,30 @@ class _Laid:
 
     def profile(self, scores: Sequence[FloatArray], moved: Sequence[int | None], but: int | None = None) -> FloatArray:
         """Return the profile of all recordings that have a move, or all but one, shape (K + 2 moves,)."""
-        K = len(scores[0])
-        normal, right = self.ridge * np.eye(K + 2 * self.moves), np.zeros(K + 2 * self.moves)
-        hidden = np.zeros((len(right), self.fitted[0].shape[1]))
+        laid = [None if r == but else move for r, move in enumerate(moved)]
+        right = np.zeros(len(scores[0]) + 2 * self.moves)
+        for score, move in zip(scores, laid, strict=True):
+            if move is not None:
+                right[move : move + len(score)] -= score
+        return np.asarray(np.linalg.solve(self._normal(laid), right), dtype=np.float64)
+
+    def band(self, left: Sequence[FloatArray], moved: Sequence[int]) -> FloatArray:
+        """Return the standard error of the profile over the recordings, from the scores of what it leaves."""
+        each = np.zeros((len(left), len(left[0]) + 2 * self.moves))
+        for row, score, move in zip(each, left, moved, strict=True):
+            row[move : move + len(score)] = score
+        return np.asarray(np.sqrt(np.sum(np.linalg.solve(self._normal(moved), each.T) ** 2, axis=1)))
+
+    def _normal(self, moved: Sequence[int | None]) -> FloatArray:
+        K = len(self.squares[0])
+        normal = self.ridge * np.eye(K + 2 * self.moves)
+        hidden = np.zeros((len(normal), self.fitted[0].shape[1]))
         for r, move in enumerate(moved):
-            if move is None or r == but:
-                continue
-            here = slice(move, move + K)
-            normal[here, here] += self.squares[r]
-            right[here] -= scores[r]
-            hidden[here] += self.fitted[r]
-        return np.asarray(np.linalg.solve(normal - hidden @ hidden.T, right), dtype=np.float64)
+            if move is not None:
+                here = slice(move, move + K)
+                normal[here, here] += self.squares[r]
+                hidden[here] += self.fitted[r]
+        return np.asarray(normal - hidden @ hidden.T)
 
     def best_move(self, profile: FloatArray, score: FloatArray, r: int) -> tuple[int, float]:
         """Return where a profile explains most of a recording, and how much of its square."""
@@ -142,7 +154,7 @@ def along_track(bench: Workbench, model: Fit, null: FloatArray | Columns) -> lis
 
 
 def _name(c: int) -> tuple[str, str]:
-    return f"shape of {VARIABLE}", f"cart_{c + 1}"
+    return f"shape of {ALONG_TRACK}", f"cart_{c + 1}"
 
 
 def _knots(bench: Workbench, c: int) -> FloatArray:
@@ -204,6 +216,7 @@ def _shape(
     change -= present @ (present.T @ change)
     size = float(np.linalg.norm(change))
     unit = change[:, None] / max(size, 1e-300)
+    band = laid.band([B[i].T @ (e + change)[i] for i in rows], moved)
     name, where = _name(c)
     gain = 1.0 - float(np.sum((e + change) ** 2) / np.sum(e**2))
     # along the track of the recording that says most; the others are laid over it
@@ -211,10 +224,10 @@ def _shape(
     whole = knots[0] + step * (np.arange(len(profile)) - laid.moves)
     return Shape(
         where,
-        VARIABLE,
+        ALONG_TRACK,
         whole,
         profile,
-        np.full(len(profile), np.nan),
+        band,
         gain,
         predicted,
         Screened(

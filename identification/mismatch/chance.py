@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
+from flexdrive_gym.drive.compilation import kernel
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.refit import Fit
 from identification.mismatch.screening import Screened, explained, orthonormal
@@ -187,14 +188,14 @@ def nuisance(
             start = apart * rng.standard_normal()
         # all but the sign of a velocity is smooth: it is made at joints and straight between them
         step = max(1, round(_JOINT_S / h))
-        at, joints = np.arange(n), np.arange(0, n + step, step)
+        at, joints = np.arange(n, dtype=np.float64), np.arange(0, n + step, step)
         coarse = max(1, round(0.5 / _BAND_HZ / h))
         for c in range(carts):
             way = run.track[c][np.minimum(joints, n - 1)] + start
             keep = np.exp(-_COARSE * h / _WANDER_S)
             steps = rng.standard_normal(len(joints) * step // _COARSE + 2)
             slow = lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], steps)
-            wander = np.interp(joints / _COARSE, np.arange(len(slow)), slow)
+            wander = _between(joints / _COARSE, 0.0, 1.0, slow)
             own = 0.0 if bench.parts else between * rng.standard_normal()
             friction = dry_level(values, c) * (within * wander + rough * profiles[c](way))
             # what differs from run to run holds resting carts, too
@@ -202,11 +203,28 @@ def nuisance(
             dry[f"d{c + 1}"] = coulomb * max(1.0 + own, _LEAST_FRICTION)
             friction += (dry_level(values, c) - coulomb) * own
             knots = rng.standard_normal(len(joints) * step // coarse + 2)
-            push = noise * np.interp(joints / coarse, np.arange(len(knots)), knots)
+            push = noise * _between(joints / coarse, 0.0, 1.0, knots)
             push += slope * (slopes[c](way) - shared[c]) + height * hills[c](way)
-            force[c] = np.interp(at, joints, push) + against(speed[c]) * np.interp(at, joints, friction)
+            force[c] = _between(at, 0.0, step, push) + against(speed[c]) * _between(at, 0.0, step, friction)
         days.append(Disturbance(force, dry))
     return days
+
+
+@kernel
+def _straight(x: Any, first: Any, step: Any, values: Any, out: Any) -> None:
+    """Write the values of a function that is straight between points at equal distances, and constant beyond them."""
+    last = len(values) - 1
+    for i in range(len(x)):
+        place = min(max((x[i] - first) / step, 0.0), float(last))
+        below = min(int(place), last - 1)
+        out[i] = values[below] + (place - below) * (values[below + 1] - values[below])
+
+
+def _between(x: FloatArray, first: float, step: float, values: FloatArray) -> FloatArray:
+    """Return what ``numpy.interp`` does of points at equal distances, without keeping other threads from their work."""
+    out = np.empty(len(x))
+    _straight(x, float(first), float(step), values, out)
+    return out
 
 
 def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
@@ -230,4 +248,4 @@ class _Profile:
             self.grid = np.linspace(-reach, reach, round(_PER_MM * 2.0 * reach) + 1)
             waves = np.cos(self.k[:, None] * self.grid + self.phase[:, None])
             self.values = np.sqrt(2.0 / len(self.k)) * waves.sum(axis=0)
-        return np.asarray(np.interp(x, self.grid, self.values))
+        return _between(x, self.grid[0], self.grid[1] - self.grid[0], self.values)

@@ -30,6 +30,7 @@ from identification.mismatch.shapes import WORTH, Shape, likeness
 from identification.mismatch.spatial import periods
 from identification.mismatch.split import Split, split_recordings
 from identification.mismatch.verdict import (
+    Curve,
     Diagnosis,
     Estimate,
     Finding,
@@ -268,7 +269,8 @@ class _Diagnosing:
 
     def describe(self, shape: Shape, stage: Stage) -> Unnamed:
         nearest = likeness(self.bench, shape, stage.screened)
-        return Unnamed(shape.where, shape.predicted, shape.sentence, tuple(nearest[:3]))
+        curve = Curve(shape.variable, shape.knots, shape.force, shape.band)
+        return Unnamed(shape.where, shape.predicted, shape.sentence, tuple(nearest[:3]), curve)
 
     def rhythm(self, found: Search) -> Unnamed | None:
         """Return a disturbance with a rhythm of its own, which no property of the drive can make."""

@@ -25,6 +25,22 @@ from identification.mismatch.workbench import Workbench
 from identification.output_error import Run, simulate_run
 
 KNOTS = 7
+# what a friction's variable begins with, and the unit of every variable
+FRICTION = "friction against "
+ALONG_TRACK = "the place along the track"
+AXES = {
+    "v1": "mm/s",
+    "v2": "mm/s",
+    "u": "V",
+    "|u|": "V",
+    "δ": "mm",
+    "|δ|": "mm",
+    "time": "s",
+    "the time since a reversal": "s",
+    "acceleration of cart 1": "mm/s²",
+    "acceleration of cart 2": "mm/s²",
+    ALONG_TRACK: "mm",
+}
 # share of the error that a shape must explain to be called unnamed
 WORTH = 0.045
 _SIZE_V = 0.05
@@ -66,7 +82,8 @@ class Shape:
     def sentence(self) -> str:
         """Where it acts."""
         i = int(np.argmax(np.abs(self.force)))
-        return f"{self.variable}, largest ({self.force[i]:+.2g} V) at {self.knots[i]:.3g}"
+        unit = AXES[self.variable.removeprefix(FRICTION)]
+        return f"{self.variable}, largest ({self.force[i]:+.2g} V) at {self.knots[i]:.3g} {unit}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,11 +143,11 @@ def _families(forces: Sequence[_Motion], cart: int) -> list[tuple[int, str, list
     found = [
         (cart, f"v{own}", [f.v[cart] for f in forces], ones),
         (cart, "u", [f.u for f in forces], ones),
-        (cart, "friction against |u|", [np.abs(f.u) for f in forces], direction),
-        (cart, "friction against time", [f.t for f in forces], direction),
+        (cart, f"{FRICTION}|u|", [np.abs(f.u) for f in forces], direction),
+        (cart, f"{FRICTION}time", [f.t for f in forces], direction),
         (
             cart,
-            "friction against the time since a reversal",
+            f"{FRICTION}the time since a reversal",
             [_since_reversal(f.t, f.v[cart]) for f in forces],
             direction,
         ),
@@ -141,7 +158,7 @@ def _families(forces: Sequence[_Motion], cart: int) -> list[tuple[int, str, list
             (cart, "δ", [f.delta for f in forces], ones),
             (cart, f"v{other + 1}", [f.v[other] for f in forces], ones),
             (cart, f"acceleration of cart {other + 1}", [np.gradient(f.v[other], f.t) for f in forces], ones),
-            (cart, "friction against |δ|", [np.abs(f.delta) for f in forces], direction),
+            (cart, f"{FRICTION}|δ|", [np.abs(f.delta) for f in forces], direction),
         ]
     return found
 

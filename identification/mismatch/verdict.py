@@ -9,7 +9,7 @@ from typing import Any, Literal
 from flexdrive_gym import Drive
 from flexdrive_gym.drive.effects import EFFECTS
 from flexdrive_gym.drive.parameters import parameter
-from flexdrive_gym.recording import Fault
+from flexdrive_gym.recording import Fault, FloatArray
 from identification.mismatch.maps import Harmonics, Map
 from identification.mismatch.missing_force import MissingForce
 from identification.mismatch.split import Split
@@ -84,14 +84,45 @@ class Located:
     evidence: str
 
 
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A missing force as a free function of one variable.
+
+    Attributes
+    ----------
+    variable
+        In words; "friction against ..." where the force is against the motion.
+    at, force, band : ndarray, shape (n,)
+        Values of the variable, force [V] and its standard error over the recordings.
+    """
+
+    variable: str
+    at: FloatArray
+    force: FloatArray
+    band: FloatArray
+
+
 @dataclass(frozen=True)
 class Unnamed:
-    """Structure that no catalogue entry fits."""
+    """Structure that no catalogue entry fits.
+
+    Attributes
+    ----------
+    where, acts_on
+        Cart, and what the force follows.
+    share_of_error
+        Of the squared error.
+    nearest
+        Names nearest to it, with their likeness.
+    curve
+        Its shape, where it is a function of one variable.
+    """
 
     where: str
     share_of_error: float
     acts_on: str
     nearest: tuple[tuple[str, float], ...]
+    curve: Curve | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.mismatch.along_track import PLAIN, VARIABLE, along_track
+from identification.mismatch.along_track import PLAIN, along_track
 from identification.mismatch.chance import null_residuals
 from identification.mismatch.crew import Crew
 from identification.mismatch.settle import settle
+from identification.mismatch.shapes import ALONG_TRACK
 from identification.topology import TWO_CARTS
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import pushed_run, short_day, workbench
@@ -39,7 +40,7 @@ def test_a_magnet_is_a_force_along_the_track_of_its_cart():
     day = [held(run, begins) for run, begins in zip(short_day(), PLACES_MM, strict=True)]
     found = shapes_of(day)
     one, two = found["cart_1"], found["cart_2"]
-    assert one.variable == VARIABLE
+    assert one.variable == ALONG_TRACK
     assert one.predicted > 0.3 > two.predicted
     assert one.probability == pytest.approx(2 / (1 + DRAWS))
     # it draws towards a place: the force falls through nothing there, from where it is largest to where it is smallest

@@ -4,10 +4,13 @@ import numpy as np
 import pytest
 
 from flexdrive_gym import Drive
+from identification.mismatch.along_track import ALONG_TRACK
 from identification.mismatch.crew import Crew
 from identification.mismatch.replay import remaining, replay
+from identification.mismatch.shapes import _families, _Motion
 from identification.mismatch.split import Split
-from identification.plots.mismatch import plot_before_after, plot_maps, plot_telling_map, telling_window
+from identification.mismatch.verdict import Curve
+from identification.plots.mismatch import plot_before_after, plot_curve, plot_maps, plot_telling_map, telling_window
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import diagnosis, short_day
 
@@ -55,3 +58,13 @@ def test_figures_show_the_stretch_that_differs(found):
     both = plot_telling_map(forces.measured, forces.before[0], forces.left, forces.supply[0], forces.after[0])
     assert len(both.axes) == 2
     assert len(plot_telling_map(forces.measured, forces.before[0]).axes) == 1
+
+
+def test_every_free_shape_can_be_drawn_with_its_unit():
+    still = [_Motion(np.arange(3) * 1e-3, np.zeros(3), np.zeros((2, 3)))]
+    names = {name for cart in (0, 1) for _, name, _, _ in _families(still, cart)} | {ALONG_TRACK}
+    at = np.linspace(-1.0, 1.0, 7)
+    for name in names:
+        (axes,) = plot_curve(Curve(name, at, at, 0.1 * np.ones(7)), "cart_2").axes
+        assert "[" in axes.get_xlabel()
+        assert ("friction" in axes.get_ylabel()) is name.startswith("friction")
