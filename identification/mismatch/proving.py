@@ -29,10 +29,12 @@ from identification.topology import Topology
 _LEARNT, _PROVEN = 0.005, 0.004
 # the former where there is one view only, in which everything is larger
 _LEARNT_PLAINLY = 0.01
-# and must not raise their plain rms, rough track and all, by more than this factor
-_WORSE = 1.005
+# and must not raise their plain rms, rough track and all, by more than this share, and this much of what it cuts there
+_WORSE, _LOUD = 0.005, 0.1
 # or must lower it by this factor; what explains less than this share must do both
 _BETTER, _SMALL = 0.99, 0.02
+# share that is much for a second finding
+_PLAIN = 0.2
 # of what effects can explain among comparable residuals, a plain fit must keep this share
 _KEPT = 0.7
 # a logarithm this uncertain says nothing, and its exponential is still a number
@@ -72,7 +74,8 @@ class Proof:
 
         What is small is let through by chance once in a while: many are tried.
         """
-        seen, plain = self.kept > _PROVEN and self.ratio < _WORSE, self.ratio < _BETTER
+        worse = self.ratio - 1.0 > _WORSE + _LOUD * self.kept
+        seen, plain = self.kept > _PROVEN and not worse, self.ratio < _BETTER
         both = seen and plain if self.share <= _SMALL else seen or plain
         return self.learnt > self.least and both
 
@@ -206,14 +209,18 @@ class Proving:
 
         An effect that is there has much the same size in every recording; one that fits a chance of some has not, and its
         interval, from the spread between recordings, holds its absence. Nor does the interval of a shape reach its lower bound.
+        The finding that explains most, and others that explain much, are asked by the scores of the recordings; smaller ones by
+        leaving one recording out at a time.
         """
         judges = self.judges(found.model.values) if steps else Judges(None)
         while True:
             proofs, free, everything = self.proven(found, steps, judges)
             self.say("fitting all recordings")
             steps = [p.step for p in proofs]
-            drive = self.final(everything, steps, small=judges.small.get(_names(steps), False))
-            steps = [s for s in steps if _differs(s, drive) and not _vanishes(s, drive)]
+            drive, lenient = self.final(everything, steps, small=judges.small.get(_names(steps), False))
+            # what the law of the first name lacks is often taken for a second effect: a small one must be the more certain
+            most = min(_PLAIN, max((p.share for p in proofs), default=0.0))
+            steps = [p.step for p in proofs if _is_there(p.step, lenient if p.share >= most else drive)]
             if len(steps) == len(proofs):
                 return proofs, free, everything, drive
 
@@ -296,8 +303,8 @@ class Proving:
             recordings, without, everything, self.pool, parts=self.split.parts, view=step.view, spread=spread
         )
 
-    def final(self, values: Mapping[str, float], steps: Sequence[Step], *, small: bool) -> Drive:
-        """Return the drive fitted to all open-loop recordings, with intervals from the spread between recordings.
+    def final(self, values: Mapping[str, float], steps: Sequence[Step], *, small: bool) -> tuple[Drive, Drive]:
+        """Return the drive fitted to all open-loop recordings, with intervals by leaving one out at a time, and by scores alone.
 
         ``small`` effects are fitted where they are seen, and the drive with them.
         """
@@ -314,24 +321,23 @@ class Proving:
         raw = bench.residual(values)
         e = bench.comparable(raw)
         J = bench.comparable(sensitivities(bench, c, c.of(values), values, raw))
-        covariance = _between_runs(bench, J, e)
         gain = np.where(c.log, [values[n] for n in names], c.scale)
         quantile = float(student.ppf(0.975, max(len(runs) - 1, 1)))
-        spread = quantile * np.sqrt(np.diag(covariance))
-        intervals = {
-            n: _interval(n, values[n], s, g, log=bool(on))
-            for n, s, g, on in zip(names, spread, gain, c.log, strict=True)
-        }
         rig = {k: v for k, v in rig_parameters(self.runs).items() if k not in values}
-        return Drive(
-            {**rig, **values},
-            intervals,
-            Covariance(tuple(names), covariance * np.outer(gain, gain)),
-            Provenance(
-                "diagnosis", tuple(r.name for r in runs), __version__, "; ".join(s.rival.name[0] for s in steps)
-            ),
-            name="diagnosed drive",
+        whence = Provenance(
+            "diagnosis", tuple(r.name for r in runs), __version__, "; ".join(s.rival.name[0] for s in steps)
         )
+
+        def drive(covariance: FloatArray) -> Drive:
+            spread = quantile * np.sqrt(np.diag(covariance))
+            intervals = {
+                n: _interval(n, values[n], s, g, log=bool(on))
+                for n, s, g, on in zip(names, spread, gain, c.log, strict=True)
+            }
+            found = Covariance(tuple(names), covariance * np.outer(gain, gain))
+            return Drive({**rig, **values}, intervals, found, whence, name="diagnosed drive")
+
+        return drive(_left_out(bench, J, e)), drive(_scored(bench, J, e))
 
 
 def _names(steps: Sequence[Step]) -> _Names:
@@ -356,6 +362,10 @@ def held_of(step: Step) -> dict[str, float]:
     return {k: fit.values[k] for k in step.rival.candidate.keys if k in fit.values}
 
 
+def _is_there(step: Step, drive: Drive) -> bool:
+    return _differs(step, drive) and not _vanishes(step, drive)
+
+
 def _differs(step: Step, drive: Drive) -> bool:
     """Whether the sizes of an effect together differ from none, by Hotelling's test at 5 % with the recordings as sample."""
     sizes = [k for k, _ in step.rival.candidate.sizes if k in keys_of(step) and np.isfinite(LAYOUT[k].parameter.null)]
@@ -377,15 +387,15 @@ def _vanishes(step: Step, drive: Drive) -> bool:
     return any(drive.intervals[k][0] <= LAYOUT[k].parameter.lower for k in shapes)
 
 
-def _between_runs(bench: Workbench, J: FloatArray, e: FloatArray) -> FloatArray:
+def _left_out(bench: Workbench, J: FloatArray, e: FloatArray) -> FloatArray:
     r"""Covariance by leaving out one recording at a time: what differs from run to run counts once a run.
 
     Without recording r the estimate moves by :math:`(J^T J - J_r^T J_r)^+ J_r^T \varepsilon_r`. A sandwich of the scores
     themselves is too small where recordings are few, for each has drawn the fit towards itself (R. M. Bell, D. F. McCaffrey,
     Survey Methodology 28, 2002).
     """
-    own = [J[bench.rows.of(r)] for r in range(len(bench.runs))]
     square, n = J.T @ J, len(bench.runs)
+    own = [J[bench.rows.of(r)] for r in range(n)]
     moves = np.array(
         [
             np.linalg.pinv(square - part.T @ part, rcond=1e-12, hermitian=True) @ (part.T @ e[bench.rows.of(r)])
@@ -393,6 +403,14 @@ def _between_runs(bench: Workbench, J: FloatArray, e: FloatArray) -> FloatArray:
         ]
     )
     return np.asarray(moves.T @ moves * ((n - 1) / n))
+
+
+def _scored(bench: Workbench, J: FloatArray, e: FloatArray) -> FloatArray:
+    """Sandwich covariance with the recordings as clusters: the same without leaving any out."""
+    scores = np.array([J[bench.rows.of(r)].T @ e[bench.rows.of(r)] for r in range(len(bench.runs))])
+    inverse = np.linalg.pinv(J.T @ J, rcond=1e-12, hermitian=True)
+    n = len(scores)
+    return np.asarray(inverse @ (scores.T @ scores) @ inverse * (n / max(n - 1, 1)))
 
 
 def _interval(name: str, value: float, spread: float, gain: float, *, log: bool) -> tuple[float, float]:

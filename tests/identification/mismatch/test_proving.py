@@ -9,7 +9,7 @@ from flexdrive_gym import Drive
 from identification.mismatch.candidates import catalogue
 from identification.mismatch.crew import Crew
 from identification.mismatch.prove import own_friction
-from identification.mismatch.proving import Proof, _between_runs, _vanishes
+from identification.mismatch.proving import Proof, _left_out, _vanishes
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import SHORT, short_day, workbench
 
@@ -54,7 +54,7 @@ def test_every_run_is_met_with_its_own_friction():
     assert {k: v for k, v in other.items() if k[0] != "d"} == {k: v for k, v in RIG.items() if k[0] != "d"}
 
 
-def test_the_spread_between_runs_is_that_of_fits_without_each():
+def test_the_spread_left_out_is_that_of_fits_without_each():
     rng = np.random.default_rng(3)
     runs, rows, n = 9, 40, 4
     J, e = rng.standard_normal((runs * rows, n)), rng.standard_normal(runs * rows)
@@ -70,4 +70,4 @@ def test_the_spread_between_runs_is_that_of_fits_without_each():
         without.append(np.linalg.lstsq(J[others], e[others], rcond=None)[0] - z)
     jackknife = np.array(without).T @ np.array(without) * (runs - 1) / runs
     # at the fit, as a diagnosis has it
-    assert _between_runs(bench, J, e - J @ z) == pytest.approx(jackknife)
+    assert _left_out(bench, J, e - J @ z) == pytest.approx(jackknife)
