@@ -29,6 +29,9 @@ def test_bristles_that_may_be_stiff_are_dry_friction(interval, vanishes):
         (0.3, 0.3, 0.2, 0.9, True),
         # rough track hides what recordings kept away have among comparable residuals
         (0.05, 0.05, 0.03, 1.001, True),
+        # the more the louder the day
+        (0.137, 0.137, 0.096, 1.011, True),
+        (0.137, 0.137, 0.01, 1.011, False),
         # but not what is small as well
         (0.015, 0.015, 0.03, 1.001, False),
         (0.015, 0.015, 0.03, 0.98, True),
