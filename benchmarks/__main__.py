@@ -12,6 +12,7 @@ from benchmarks import (
     false_alarms,
     learners,
     learning,
+    magnet,
     overlay,
     real_rigs,
     sim_to_real,
@@ -28,6 +29,7 @@ ALL = {
     "blind_nuisance": blind_nuisance.main,
     "controllers": controllers.main,
     "overlay": overlay.main,
+    "magnet": magnet.main,
 }
 # these take minutes to hours, and options of their own
 LONG = {
