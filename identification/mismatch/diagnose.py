@@ -26,7 +26,7 @@ from identification.mismatch.proving import Proof, Proving, held_of, keys_of
 from identification.mismatch.rounds import LEVEL, Progress, Stage
 from identification.mismatch.search import Search, Step, Unlike, search
 from identification.mismatch.settle import settle
-from identification.mismatch.shapes import WORTH, Shape, likeness
+from identification.mismatch.shapes import ALONG_TRACK, WORTH, Shape, likeness
 from identification.mismatch.spatial import periods
 from identification.mismatch.split import Split, split_recordings
 from identification.mismatch.verdict import (
@@ -52,6 +52,8 @@ from identification.topology import Topology, topology_of
 
 # a free shape must explain this much more than all names together to be called unnamed in their place
 _SHAPE_LEAD = 1.6
+# names of forces along the track, and the carts on which they act
+_ALONG_TRACK = {"cogging": ("cart_1",), "ground_spring": ("cart_1", "cart_2")}
 # and a line in the spectrum this share
 _LINE_SHARE = 0.05
 # a fit this near to the floor leaves nothing to explain
@@ -200,9 +202,10 @@ class _Diagnosing:
         )
         # the proofs fit drives without any such freedom
         self.friction_spread = self.bench.spread.get("friction", 0.0)
-        left, overrules = left_unnamed(found)
+        left, overruled = left_unnamed(found)
         say("proving on recordings kept away")
-        proofs, before_values, after_values, drive = proving.certain(found, () if overrules else found.steps)
+        steps = [s for s in found.steps if s not in overruled]
+        proofs, before_values, after_values, drive = proving.certain(found, steps)
         fits = velocity_fits(before_values, after_values, split.learn, self.runs, self.pool, held_out=False)
         fits += velocity_fits(before_values, after_values, split.prove, self.runs, self.pool, held_out=True)
         before, after = Drive(before_values, name="free fit"), Drive(after_values, name="diagnosed drive")
@@ -213,7 +216,7 @@ class _Diagnosing:
             kept = split.prove or split.learn
             own = own_rms(before_values, after_values, kept, self.pool, self.friction_spread)
         findings = self.findings(proofs, drive)
-        if found.steps and not proofs and not overrules:
+        if steps and not proofs:
             # what is left is then what there was before any name
             found = self.nothing_named(found)
             left, _ = left_unnamed(found)
@@ -355,12 +358,13 @@ def spring_notes(drive: Drive, runs: Sequence[Run]) -> tuple[str, ...]:
     return (note,)
 
 
-def left_unnamed(found: Search) -> tuple[tuple[Shape, Stage] | None, bool]:
-    """Return the free shape that no name fits with its round, if there is one, and whether it overrules all names.
+def left_unnamed(found: Search) -> tuple[tuple[Shape, Stage] | None, tuple[Step, ...]]:
+    """Return the free shape that no name fits with its round, if there is one, and the names that it overrules.
 
     A shape that goes far beyond everything that was named together, before the names or beside them, says that they were only the
     nearest ones. One that is left beside names counts by its share of all that was to be explained: what a name's own law
-    lacks is no other physics.
+    lacks is no other physics. But a force along the track that is left beside the name of such a force on the same cart says
+    that this name was a piece of it.
     """
     named = 1.0 - float(np.prod([1.0 - s.rival.gain for s in found.steps]))
     most = _SHAPE_LEAD * named
@@ -371,8 +375,15 @@ def left_unnamed(found: Search) -> tuple[tuple[Shape, Stage] | None, bool]:
         for shape in shapes:
             share = shape.predicted * left
             if share >= least and shape.probability <= LEVEL:
-                return (shape, stage), bool(found.steps) and share >= most
-    return None, False
+                alike = [s for s in found.steps if _along_the_same(s, shape)]
+                return (shape, stage), tuple(found.steps if share >= most else alike)
+    return None, ()
+
+
+def _along_the_same(step: Step, shape: Shape) -> bool:
+    """Whether a name is a force along the track on the cart of a shape that is one, too."""
+    id_, _ = step.rival.name
+    return shape.variable == ALONG_TRACK and shape.where in _ALONG_TRACK.get(id_, ())
 
 
 def _resembling(found: Unlike) -> Unnamed:

@@ -7,6 +7,7 @@ import pytest
 from flexdrive_gym import Drive
 from identification import Diagnosis, diagnose
 from identification.mismatch.diagnose import left_unnamed, spring_notes
+from identification.mismatch.shapes import ALONG_TRACK
 from identification.mismatch.split import split_recordings
 from identification.output_error import prepare
 from tests.drive.drives import RIG
@@ -64,13 +65,15 @@ def test_nothing_is_named_where_nothing_was_left_out():
     assert found.before_rms == pytest.approx(found.after_rms)
 
 
-def _searched(gains, first, last):
+def _searched(gains, first, last, variable="u"):
     """A search that named effects with these gains; free shapes by what they predict, before and after."""
 
     def shapes(predicted):
-        return tuple(SimpleNamespace(predicted=p, probability=0.01) for p in predicted)
+        return tuple(
+            SimpleNamespace(predicted=p, probability=0.01, variable=variable, where="cart_1") for p in predicted
+        )
 
-    steps = tuple(SimpleNamespace(rival=SimpleNamespace(gain=g)) for g in gains)
+    steps = tuple(SimpleNamespace(rival=SimpleNamespace(gain=g, name=("cogging", "drivetrain"))) for g in gains)
     return SimpleNamespace(
         steps=steps, first_shapes=shapes(first), last_shapes=shapes(last), stages=("first",), last="last"
     )
@@ -90,6 +93,16 @@ def _searched(gains, first, last):
     ],
 )
 def test_a_shape_beyond_all_names_overrules_them(gains, first, last, unnamed, overrules):
-    left, over = left_unnamed(_searched(gains, first, last))
+    found = _searched(gains, first, last)
+    left, over = left_unnamed(found)
     assert (left and (left[0].predicted, left[1])) == unnamed
-    assert over is overrules
+    assert over == (found.steps if overrules else ())
+
+
+def test_a_force_along_the_track_that_is_left_overrules_the_name_of_a_piece_of_it():
+    found = _searched([0.3], [0.3], [0.1], ALONG_TRACK)
+    left, over = left_unnamed(found)
+    assert left is not None
+    assert over == found.steps
+    found.steps[0].rival.name = ("stribeck", "cart_1")
+    assert left_unnamed(found)[1] == ()
