@@ -366,17 +366,27 @@ def left_unnamed(found: Search) -> tuple[tuple[Shape, Stage] | None, tuple[Step,
     lacks is no other physics. But a force along the track that is left beside the name of such a force on the same cart says
     that this name was a piece of it.
     """
-    named = 1.0 - float(np.prod([1.0 - s.rival.gain for s in found.steps]))
+    left, overruled = _left_beside(found, found.steps)
+    others = tuple(s for s in found.steps if s not in overruled)
+    if left is not None and overruled and others:
+        # what had been found beside a name that goes is held against the shape by itself
+        _, more = _left_beside(found, others)
+        overruled = (*overruled, *more)
+    return left, overruled
+
+
+def _left_beside(found: Search, steps: Sequence[Step]) -> tuple[tuple[Shape, Stage] | None, tuple[Step, ...]]:
+    named = 1.0 - float(np.prod([1.0 - s.rival.gain for s in steps]))
     most = _SHAPE_LEAD * named
     rounds = [(found.last, found.last_shapes, WORTH, 1.0 - named)]
-    if found.steps:
+    if steps:
         rounds.insert(0, (found.stages[0], found.first_shapes, max(WORTH, most), 1.0))
     for stage, shapes, least, left in rounds:
         for shape in shapes:
             share = shape.predicted * left
             if share >= least and shape.probability <= LEVEL:
-                alike = [s for s in found.steps if _along_the_same(s, shape)]
-                return (shape, stage), tuple(found.steps if share >= most else alike)
+                alike = [s for s in steps if _along_the_same(s, shape)]
+                return (shape, stage), tuple(steps if share >= most else alike)
     return None, ()
 
 

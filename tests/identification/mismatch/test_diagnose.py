@@ -106,3 +106,10 @@ def test_a_force_along_the_track_that_is_left_overrules_the_name_of_a_piece_of_i
     assert over == found.steps
     found.steps[0].rival.name = ("stribeck", "cart_1")
     assert left_unnamed(found)[1] == ()
+
+
+@pytest.mark.parametrize(("second", "overruled"), [(0.1, 2), (0.3, 1)])
+def test_what_was_found_beside_an_overruled_name_is_held_against_the_shape_by_itself(second, overruled):
+    found = _searched([0.2, second], [0.3], [0.2], ALONG_TRACK)
+    found.steps[1].rival.name = ("presliding", "cart_1")
+    assert len(left_unnamed(found)[1]) == overruled
