@@ -4,7 +4,6 @@
 ``docs/p_control_overlay.png`` from them, and says so where they are absent.
 """
 
-import io
 import os
 import time
 from dataclasses import replace
@@ -18,8 +17,8 @@ from baselines.margins import margins
 from baselines.stability_limit import grows, observed_limit, stability_limit
 from benchmarks.real_rigs import DATA, ROOT
 from flexdrive_gym import DEFAULT_DRIVE, Covariance, Drive, Recording
-from flexdrive_gym.files import write_atomically
 from identification import identify, read_recordings
+from identification.plots.style import save_png
 from identification.validation import simulate_like
 
 RIG = "mte360_2022"
@@ -142,7 +141,5 @@ def overlay(drive: Drive, runs: tuple[Recording, ...]) -> None:
             f"{f.where} {f.id} {f.start_s:.2f}–{f.end_s:.2f} s" for f in measured.faults if f.id != "saturation"
         )
         print(f"| {measured.name} | {off:.2f} | {said[0]}, {said[1]} | {faults or 'none'} |")
-    stream = io.BytesIO()
-    plot_overlay(pairs).savefig(stream, format="png", dpi=110)
-    write_atomically(ROOT / "docs" / "p_control_overlay.png", stream.getvalue())
+    save_png(plot_overlay(pairs), ROOT / "docs" / "p_control_overlay.png", 110)
     print("wrote docs/p_control_overlay.png")

@@ -4,7 +4,6 @@
 force as it was found, and as it was concealed. Places have no common zero, so the concealed one is moved to where it fits best.
 """
 
-import io
 import json
 import tempfile
 from pathlib import Path
@@ -13,7 +12,6 @@ import numpy as np
 
 from baselines.blind.make import make_case
 from benchmarks.overlay import DOCS
-from flexdrive_gym.files import write_atomically
 from flexdrive_gym.recording import FloatArray
 from identification import diagnose
 from identification.plots import plot_curve, style
@@ -44,8 +42,6 @@ def main() -> None:
     axes.plot(curve.at, true, color=style.COMMAND, linewidth=1.2, linestyle="--", label="concealed")
     axes.lines[0].set_label("found ± 2 s.e.")
     axes.legend(loc="best")
-    stream = io.BytesIO()
-    figure.savefig(stream, format="png", dpi=120)
-    print(f"wrote {write_atomically(DOCS / 'magnet.png', stream.getvalue())}")
+    print(f"wrote {style.save_png(figure, DOCS / 'magnet.png', 120)}")
     explained = 1.0 - np.sum((curve.force - true) ** 2) / np.sum(true**2)
     print(f"the found force has {explained:.0%} of the concealed one's square right")

@@ -3,16 +3,15 @@
 ``python -m benchmarks overlay`` writes ``docs/overlay.png`` and, of the same diagnosis, ``docs/missing_force.png``.
 """
 
-import io
 from pathlib import Path
 
 from baselines.report import words
 from baselines.sample import FOLDER
-from flexdrive_gym.files import write_atomically
 from identification import Diagnosis, diagnose
 from identification.mismatch.crew import Crew
 from identification.mismatch.replay import remaining, replays
 from identification.plots import plot_before_after, plot_telling_map
+from identification.plots.style import save_png
 
 DOCS = Path(__file__).parents[1] / "docs"
 
@@ -38,6 +37,4 @@ def write(found: Diagnosis, folder: Path) -> None:
             plot_telling_map(forces.measured, forces.before[i], forces.left, forces.supply[i], forces.after[i]),
         ),
     ):
-        stream = io.BytesIO()
-        figure.savefig(stream, format="png", dpi=120)
-        print(f"wrote {write_atomically(folder / f'{name}.png', stream.getvalue())}: {run.name}, {run.excitation}")
+        print(f"wrote {save_png(figure, folder / f'{name}.png', 120)}: {run.name}, {run.excitation}")

@@ -3,7 +3,6 @@
 ``python -m benchmarks real_rigs`` looks for them in ``../shared/recordings`` beside the repository.
 """
 
-import io
 import time
 from pathlib import Path
 
@@ -12,10 +11,9 @@ from matplotlib.figure import Figure
 
 from baselines.stability_limit import observed_limit, stability_limit
 from flexdrive_gym import Recording
-from flexdrive_gym.files import write_atomically
 from identification import identify, read_recordings, validate
 from identification.likelihood import identify_by_likelihood, improvement
-from identification.plots.style import moving_mean
+from identification.plots.style import moving_mean, save_png
 from identification.quantities import HANDOUT_RATIOS
 from identification.validation import simulate_like
 
@@ -93,7 +91,5 @@ def picture(runs: tuple[Recording, ...]) -> None:
                 ax.set_ylabel(f"$v_{channel[1]}$ [mm/s]")
             ax.legend(loc=(0.3, 0.32), fontsize=8, frameon=False)
         axes[1, column].set_xlabel("time [s]")
-    stream = io.BytesIO()
-    figure.savefig(stream, format="png", dpi=120)
-    write_atomically(ROOT / "docs" / "real_rig.png", stream.getvalue())
+    save_png(figure, ROOT / "docs" / "real_rig.png", 120)
     print("wrote docs/real_rig.png")

@@ -80,18 +80,11 @@ def _percent(value: float) -> str:
 
 
 def _write_figures(folder: Path, drive: Drive, result: Validation, response: FrequencyTable | None) -> list[Path]:
-    import io  # noqa: PLC0415
-
-    from flexdrive_gym.files import write_atomically  # noqa: PLC0415
     from identification.plots import plot_bode, plot_validation  # noqa: PLC0415
+    from identification.plots.style import save_png  # noqa: PLC0415
 
     figures = {f"overlay_{o.measured.name}.png": plot_validation(o.measured, o.simulated) for o in result.overlays}
     if response is not None and drive.carts == 2:
         both = plot_bode(drive.linear, response, drive, response.amplitude)
         figures |= {f"bode_cart_{i}.png": figure for i, figure in enumerate(both, start=1)}
-    written = []
-    for name, figure in figures.items():
-        stream = io.BytesIO()
-        figure.savefig(stream, format="png", dpi=110)
-        written.append(write_atomically(folder / name, stream.getvalue()))
-    return written
+    return [save_png(figure, folder / name, 110) for name, figure in figures.items()]

@@ -75,6 +75,11 @@ class Chance:
     gains: FloatArray
     usual: FloatArray
 
+    @classmethod
+    def of(cls, names: Sequence[tuple[str, str]], gains: FloatArray) -> Chance:
+        """Return what chance reaches by gains in null draws, shape (draws, names, views)."""
+        return cls(tuple(names), gains, np.maximum(_usual(gains), _USUAL))
+
     def probability(self, name: tuple[str, str], gains: Sequence[float] | FloatArray) -> float:
         """Return the probability that anything does, by chance, as well against its usual in any view as this one did."""
         most = np.max(_odds(self.gains) / _odds(self.usual), axis=(1, 2))
@@ -100,11 +105,11 @@ def _odds(gain: Any) -> Any:
 
 def null_residuals(
     bench: Workbench, values: Mapping[str, float], rng: np.random.Generator, draws: int = DRAWS
-) -> FloatArray:
+) -> Columns:
     """Return raw residuals of the present model under random nuisance, shape (N, draws)."""
     motion = list(zip(*(speeds(bench, c) for c in range(len(bench.runs[0].keep))), strict=True))
     days = [partial(nuisance, bench, values, motion, seed) for seed in (int(s) for s in rng.integers(0, 2**63, draws))]
-    return bench.disturbed(values, days) + _counts(bench, rng, draws)
+    return (bench.disturbed(values, days) + _counts(bench, rng, draws)).astype(np.float32)
 
 
 def _counts(bench: Workbench, rng: np.random.Generator, draws: int) -> FloatArray:
@@ -151,8 +156,7 @@ def chance(
         views.append(
             [np.max([g for g, s in zip(shares, entries, strict=True) if s.candidate.name == n], axis=0) for n in names]
         )
-    gains = np.moveaxis(np.array(views), 2, 0).swapaxes(1, 2)
-    return Chance(names, gains, np.maximum(_usual(gains), _USUAL))
+    return Chance.of(names, np.moveaxis(np.array(views), 2, 0).swapaxes(1, 2))
 
 
 def nuisance(

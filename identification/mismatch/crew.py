@@ -14,7 +14,7 @@ from typing import Any
 
 
 class Crew(Executor):
-    """Threads for maps that may be nested; results come in order, so they do not depend on how many threads there are.
+    """Threads for maps, which may be nested, and nothing else; results come in order, however many threads there are.
 
     Parameters
     ----------
@@ -61,15 +61,6 @@ class Crew(Executor):
         if errors:
             raise errors[0]
         return iter(results)
-
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Do one thing at once, on the thread that asks."""
-        done: Future[Any] = Future()
-        try:
-            done.set_result(fn(*args, **kwargs))
-        except BaseException as error:  # noqa: BLE001  (handed on to whoever asks for the result)
-            done.set_exception(error)
-        return done
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Let the others go; whoever asks from now on works alone."""

@@ -17,20 +17,17 @@ from flexdrive_gym.recording import Recording
 from identification.likelihood import MaximumLikelihood, identify_by_likelihood
 from identification.mismatch.chance import null_residuals
 from identification.mismatch.crew import Crew
-from identification.mismatch.excess import excess
-from identification.mismatch.lines import strongest_line
 from identification.mismatch.maps import Map, draw_maps, harmonics
 from identification.mismatch.missing_force import MissingForce, missing_force
 from identification.mismatch.prove import loop_fits, own_rms, total, velocity_fits
 from identification.mismatch.proving import Proof, Proving, held_of, keys_of
-from identification.mismatch.rounds import LEVEL, Progress, Stage
-from identification.mismatch.search import Search, Step, Unlike, search
+from identification.mismatch.rounds import Progress
+from identification.mismatch.search import Search, Step, search
 from identification.mismatch.settle import settle
-from identification.mismatch.shapes import ALONG_TRACK, WORTH, Shape, likeness
 from identification.mismatch.spatial import periods
 from identification.mismatch.split import Split, split_recordings
+from identification.mismatch.unnamed import describe, left_unnamed
 from identification.mismatch.verdict import (
-    Curve,
     Diagnosis,
     Estimate,
     Finding,
@@ -39,7 +36,6 @@ from identification.mismatch.verdict import (
     Unnamed,
     Verdict,
     experiment_for,
-    phrase,
     short,
     statement,
     unit_of,
@@ -50,12 +46,6 @@ from identification.quantities import HANDOUT_RATIOS
 from identification.recordings import read_recordings
 from identification.topology import Topology, topology_of
 
-# a free shape must explain this much more than all names together to be called unnamed in their place
-_SHAPE_LEAD = 1.6
-# names of forces along the track, and the carts on which they act
-_ALONG_TRACK = {"cogging": ("cart_1",), "ground_spring": ("cart_1", "cart_2")}
-# and a line in the spectrum this share
-_LINE_SHARE = 0.05
 # a fit this near to the floor leaves nothing to explain
 _NEAR_FLOOR = 1.25
 # times as far as recordings went, a spring is looked at
@@ -220,7 +210,7 @@ class _Diagnosing:
             # what is left is then what there was before any name
             found = self.nothing_named(found)
             left, _ = left_unnamed(found)
-        unnamed = self.unnamed(found, left)
+        unnamed = describe(self.bench, found, left, [r.excitation.frequency for r in split.learn])
         return Diagnosis(
             verdict=_verdict(findings, unnamed, proof),
             faults=tuple(f for r in self.runs for f in r.faults),
@@ -257,50 +247,8 @@ class _Diagnosing:
     def nothing_named(self, found: Search) -> Search:
         """Return a search as if it had found nothing, with the bench around the free drive."""
         model = settle(self.bench, dict(self.free.drive.values), self.names)
-        null = null_residuals(self.bench, model.values, self.rng).astype(np.float32)
-        last = replace(found.stages[0], before=model, null=null)
+        last = replace(found.stages[0], before=model, null=null_residuals(self.bench, model.values, self.rng))
         return replace(found, steps=(), model=model, stages=(last,), last_shapes=found.first_shapes)
-
-    def unnamed(self, found: Search, left: tuple[Shape, Stage] | None) -> Unnamed | None:
-        """Return what no name explains: a name that no two recordings agree about, a shape, a rhythm, more than restlessness."""
-        most = max(found.unlike, key=lambda u: u.share, default=None)
-        if most is not None and most.share >= WORTH and (left is None or most.share > left[0].predicted):
-            return _resembling(most)
-        if left is not None:
-            return self.describe(*left)
-        return self.rhythm(found) or self.excess(found)
-
-    def describe(self, shape: Shape, stage: Stage) -> Unnamed:
-        nearest = likeness(self.bench, shape, stage.screened)
-        curve = Curve(shape.variable, shape.knots, shape.force, shape.band)
-        return Unnamed(shape.where, shape.predicted, shape.sentence, tuple(nearest[:3]), curve)
-
-    def rhythm(self, found: Search) -> Unnamed | None:
-        """Return a disturbance with a rhythm of its own, which no property of the drive can make."""
-        commands = [r.excitation.frequency for r in self.split.learn]
-        values = found.model.values
-        line = strongest_line(self.bench, self.bench.residual(values), commands, values)
-        if line is None or line.share < _LINE_SHARE:
-            return None
-        acts = f"{line.frequency:.3g} Hz whatever the command: a disturbance from outside"
-        return Unnamed(line.where, line.share, acts, ())
-
-    def excess(self, found: Search) -> Unnamed | None:
-        """Return that there is more error than a rig's own restlessness makes, whatever it follows.
-
-        What surrounds the two rigs that this was learnt from says nothing on a rig of which there is one recording.
-        """
-        if self.bench.parts:
-            return None
-        beyond = excess(self.bench, found.last.null, found.last.before)
-        if beyond.probability > LEVEL:
-            return None
-        most = " and ".join(f"{self.bench.runs[r].name} ({share:.0%})" for r, share in beyond.runs)
-        acts = (
-            f"nothing that was looked at, but is more than a rig's own restlessness makes (p = {beyond.probability:.2g}); most "
-            f"of it in {most}"
-        )
-        return Unnamed(beyond.where, beyond.share, acts, ())
 
     def findings(self, proofs: Sequence[Proof], drive: Drive) -> tuple[Finding, ...]:
         result = []
@@ -356,55 +304,6 @@ def spring_notes(drive: Drive, runs: Sequence[Run]) -> tuple[str, ...]:
         "mm: trust no simulation that goes much farther than they do"
     )
     return (note,)
-
-
-def left_unnamed(found: Search) -> tuple[tuple[Shape, Stage] | None, tuple[Step, ...]]:
-    """Return the free shape that no name fits with its round, if there is one, and the names that it overrules.
-
-    A shape that goes far beyond everything that was named together, before the names or beside them, says that they were only the
-    nearest ones. One that is left beside names counts by its share of all that was to be explained: what a name's own law
-    lacks is no other physics. But a force along the track that is left beside the name of such a force on the same cart says
-    that this name was a piece of it.
-    """
-    left, overruled = _left_beside(found, found.steps)
-    others = tuple(s for s in found.steps if s not in overruled)
-    if left is not None and overruled and others:
-        # what had been found beside a name that goes is held against the shape by itself
-        _, more = _left_beside(found, others)
-        overruled = (*overruled, *more)
-    return left, overruled
-
-
-def _left_beside(found: Search, steps: Sequence[Step]) -> tuple[tuple[Shape, Stage] | None, tuple[Step, ...]]:
-    named = 1.0 - float(np.prod([1.0 - s.rival.gain for s in steps]))
-    most = _SHAPE_LEAD * named
-    rounds = [(found.last, found.last_shapes, WORTH, 1.0 - named)]
-    if steps:
-        rounds.insert(0, (found.stages[0], found.first_shapes, max(WORTH, most), 1.0))
-    for stage, shapes, least, left in rounds:
-        for shape in shapes:
-            share = shape.predicted * left
-            if share >= least and shape.probability <= LEVEL:
-                alike = [s for s in steps if _along_the_same(s, shape)]
-                return (shape, stage), tuple(steps if share >= most else alike)
-    return None, ()
-
-
-def _along_the_same(step: Step, shape: Shape) -> bool:
-    """Whether a name is a force along the track on the cart of a shape that is one, too."""
-    id_, _ = step.rival.name
-    return shape.variable == ALONG_TRACK and shape.where in _ALONG_TRACK.get(id_, ())
-
-
-def _resembling(found: Unlike) -> Unnamed:
-    """Return what resembles an effect, but needs another size of it in every recording."""
-    id_, where = found.step.rival.name
-    acts = (
-        f"what {phrase(id_)} at {where.replace('_', ' ')} would do, but with a size that differs from recording to recording"
-        f" (p = {found.disagreement.probability:.2g})"
-    )
-    common = found.share / (found.share + found.disagreement.share)
-    return Unnamed(found.disagreement.where, found.share, acts, ((id_, float(np.sqrt(common))),))
 
 
 def _never_negative(recordings: Sequence[Recording], channel: str) -> bool:

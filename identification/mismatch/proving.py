@@ -7,13 +7,11 @@ from copy import copy
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.stats import f as snedecor
-from scipy.stats import t as student
 
-from flexdrive_gym import Covariance, Drive, Provenance, __version__
-from flexdrive_gym.drive.effects import LAYOUT
+from flexdrive_gym import Drive, Provenance, __version__
 from flexdrive_gym.recording import FloatArray, Recording
 from identification.methods import rig_parameters
+from identification.mismatch.certainty import between_runs, is_there, uncertainty
 from identification.mismatch.crew import Crew
 from identification.mismatch.prove import place, polished, total, tried_on, velocity_fits
 from identification.mismatch.refit import Coordinates, refit, sensitivities
@@ -34,11 +32,9 @@ _WORSE, _LOUD = 0.005, 0.1
 # or must lower it by this factor; what explains less than this share must do both
 _BETTER, _SMALL = 0.99, 0.02
 # share that is much for a second finding
-_PLAIN = 0.2
+_MUCH = 0.2
 # of what effects can explain among comparable residuals, a plain fit must keep this share
 _KEPT = 0.7
-# a logarithm this uncertain says nothing, and its exponential is still a number
-_UNKNOWN = 300.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,8 +215,8 @@ class Proving:
             steps = [p.step for p in proofs]
             drive, lenient = self.final(everything, steps, small=judges.small.get(_names(steps), False))
             # what the law of the first name lacks is often taken for a second effect: a small one must be the more certain
-            most = min(_PLAIN, max((p.share for p in proofs), default=0.0))
-            steps = [p.step for p in proofs if _is_there(p.step, lenient if p.share >= most else drive)]
+            most = min(_MUCH, max((p.share for p in proofs), default=0.0))
+            steps = [p.step for p in proofs if is_there(p.step.rival.candidate, lenient if p.share >= most else drive)]
             if len(steps) == len(proofs):
                 return proofs, free, everything, drive
 
@@ -321,23 +317,16 @@ class Proving:
         raw = bench.residual(values)
         e = bench.comparable(raw)
         J = bench.comparable(sensitivities(bench, c, c.of(values), values, raw))
-        gain = np.where(c.log, [values[n] for n in names], c.scale)
-        quantile = float(student.ppf(0.975, max(len(runs) - 1, 1)))
         rig = {k: v for k, v in rig_parameters(self.runs).items() if k not in values}
         whence = Provenance(
             "diagnosis", tuple(r.name for r in runs), __version__, "; ".join(s.rival.name[0] for s in steps)
         )
 
         def drive(covariance: FloatArray) -> Drive:
-            spread = quantile * np.sqrt(np.diag(covariance))
-            intervals = {
-                n: _interval(n, values[n], s, g, log=bool(on))
-                for n, s, g, on in zip(names, spread, gain, c.log, strict=True)
-            }
-            found = Covariance(tuple(names), covariance * np.outer(gain, gain))
+            intervals, found = uncertainty(c, values, covariance, len(runs))
             return Drive({**rig, **values}, intervals, found, whence, name="diagnosed drive")
 
-        return drive(_left_out(bench, J, e)), drive(_scored(bench, J, e))
+        return drive(between_runs(bench, J, e, left_out=True)), drive(between_runs(bench, J, e, left_out=False))
 
 
 def _names(steps: Sequence[Step]) -> _Names:
@@ -360,63 +349,3 @@ def held_of(step: Step) -> dict[str, float]:
     if keys_of(step):
         return {}
     return {k: fit.values[k] for k in step.rival.candidate.keys if k in fit.values}
-
-
-def _is_there(step: Step, drive: Drive) -> bool:
-    return _differs(step, drive) and not _vanishes(step, drive)
-
-
-def _differs(step: Step, drive: Drive) -> bool:
-    """Whether the sizes of an effect together differ from none, by Hotelling's test at 5 % with the recordings as sample."""
-    sizes = [k for k, _ in step.rival.candidate.sizes if k in keys_of(step) and np.isfinite(LAYOUT[k].parameter.null)]
-    if not sizes or drive.covariance is None:
-        return True
-    names = drive.covariance.names
-    i = [names.index(k) for k in sizes]
-    away = np.array([drive[k] - LAYOUT[k].parameter.null for k in sizes])
-    k, n = len(sizes), len(drive.provenance.recordings)
-    if n <= k + 1:
-        return True
-    distance = float(away @ np.linalg.pinv(drive.covariance.matrix[np.ix_(i, i)], hermitian=True) @ away)
-    return distance > k * (n - 1) / (n - k) * float(snedecor.ppf(0.95, k, n - k))
-
-
-def _vanishes(step: Step, drive: Drive) -> bool:
-    """Whether a shape may be as small as its lower bound, where the effect is another one: stiff bristles are dry friction."""
-    shapes = [k for k, _ in step.rival.candidate.shapes if k in drive.intervals]
-    return any(drive.intervals[k][0] <= LAYOUT[k].parameter.lower for k in shapes)
-
-
-def _left_out(bench: Workbench, J: FloatArray, e: FloatArray) -> FloatArray:
-    r"""Covariance by leaving out one recording at a time: what differs from run to run counts once a run.
-
-    Without recording r the estimate moves by :math:`(J^T J - J_r^T J_r)^+ J_r^T \varepsilon_r`. A sandwich of the scores
-    themselves is too small where recordings are few, for each has drawn the fit towards itself (R. M. Bell, D. F. McCaffrey,
-    Survey Methodology 28, 2002).
-    """
-    square, n = J.T @ J, len(bench.runs)
-    own = [J[bench.rows.of(r)] for r in range(n)]
-    moves = np.array(
-        [
-            np.linalg.pinv(square - part.T @ part, rcond=1e-12, hermitian=True) @ (part.T @ e[bench.rows.of(r)])
-            for r, part in enumerate(own)
-        ]
-    )
-    return np.asarray(moves.T @ moves * ((n - 1) / n))
-
-
-def _scored(bench: Workbench, J: FloatArray, e: FloatArray) -> FloatArray:
-    """Sandwich covariance with the recordings as clusters: the same without leaving any out."""
-    scores = np.array([J[bench.rows.of(r)].T @ e[bench.rows.of(r)] for r in range(len(bench.runs))])
-    inverse = np.linalg.pinv(J.T @ J, rcond=1e-12, hermitian=True)
-    n = len(scores)
-    return np.asarray(inverse @ (scores.T @ scores) @ inverse * (n / max(n - 1, 1)))
-
-
-def _interval(name: str, value: float, spread: float, gain: float, *, log: bool) -> tuple[float, float]:
-    if log:
-        return float(value * np.exp(-spread)), float(value * np.exp(min(spread, _UNKNOWN)))
-    low, high = value - spread * gain, value + spread * gain
-    if name in LAYOUT:
-        low, high = max(low, LAYOUT[name].parameter.lower), min(high, LAYOUT[name].parameter.upper)
-    return float(low), float(high)

@@ -154,7 +154,7 @@ def stage(
     columns = directions(bench, candidates, model.values, raw)
     views = {view: screened_in(bench, view, model, candidates, columns) for view in bench.views}
     del columns
-    null = null_residuals(bench, model.values, rng).astype(np.float32)
+    null = null_residuals(bench, model.values, rng)
     luck = chance(bench, views, null, model)
     screened = views["comparable"]
     leaders = best_of_each(screened)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from identification.mismatch.alike import Disagreement, disagreement
-from identification.mismatch.along_track import along_track as place_shapes
+from identification.mismatch.along_track import place_shapes
 from identification.mismatch.candidates import look_alikes
 from identification.mismatch.chance import chance, null_residuals
 from identification.mismatch.refit import Fit
@@ -16,7 +16,7 @@ from identification.mismatch.rounds import LEVEL, Progress, Rival, Stage, Starts
 from identification.mismatch.settle import settle
 from identification.mismatch.shapes import WORTH, Shape, free_shapes
 from identification.mismatch.surroundings import is_dry_friction
-from identification.mismatch.workbench import Columns, View, Workbench
+from identification.mismatch.workbench import View, Workbench
 from identification.topology import Topology
 
 # once something is certainly left out, which effect it is is decided among all that chance would reach more rarely than this
@@ -66,12 +66,15 @@ class Unlike:
         As it was taken.
     share
         Of the error left by the steps before it that it explained.
+    likeness
+        Cosine between what its common size explains and what sizes of the recordings' own do.
     disagreement
         Of the recordings about its size.
     """
 
     step: Step
     share: float
+    likeness: float
     disagreement: Disagreement
 
 
@@ -167,7 +170,7 @@ def search(
         steps.remove(worst.step)
         say(f"taken back: {worst.step.rival.name[0]} at {worst.step.rival.name[1]}")
         model = _without(bench, model, worst.step, steps, topology)
-        stages.append(replace(stages[-1], before=model, null=_null(bench, model, rng)))
+        stages.append(replace(stages[-1], before=model, null=null_residuals(bench, model.values, rng)))
     if len(stages) > 1:
         say("free shapes")
         shapes_found = _shapes(bench, stages[-1])
@@ -179,7 +182,7 @@ def _most_unlike(bench: Workbench, last: Stage, steps: Sequence[Step]) -> Unlike
 
     That levels of dry friction differ from run to run says nothing.
     """
-    found: list[tuple[float, Unlike]] = []
+    found: list[Unlike] = []
     left = 1.0
     for step in reversed(steps):
         # of the error that is left in the end
@@ -190,8 +193,9 @@ def _most_unlike(bench: Workbench, last: Stage, steps: Sequence[Step]) -> Unlike
             continue
         own = disagreement(bench, last.before, last.null, sizes, step.view)
         if own.probability <= LEVEL and own.share > max(_UNLIKE * explained, WORTH):
-            found.append((own.share / explained, Unlike(step, step.rival.gain, own)))
-    return max(found, key=lambda f: f[0])[1] if found else None
+            alike = float(np.sqrt(explained / (explained + own.share)))
+            found.append(Unlike(step, step.rival.gain, alike, own))
+    return min(found, key=lambda u: u.likeness, default=None)
 
 
 def _without(bench: Workbench, model: Fit, gone: Step, others: Sequence[Step], topology: Topology) -> Fit:
@@ -202,10 +206,6 @@ def _without(bench: Workbench, model: Fit, gone: Step, others: Sequence[Step], t
     if all(s.rival.candidate.period is None for s in others):
         bench.offsets = np.zeros(len(bench.runs))
     return settle(bench, values, names, None if bench.parts else topology.free)
-
-
-def _null(bench: Workbench, model: Fit, rng: np.random.Generator) -> Columns:
-    return null_residuals(bench, model.values, rng).astype(np.float32)
 
 
 def _proven(now: Stage, drive_level: float, steps: Sequence[Step], stands: Stands) -> Step | None:
@@ -271,7 +271,7 @@ def _foremost(ties: Sequence[Rival], best: Rival) -> tuple[Rival, ...]:
     return tuple(sorted(ties, key=lambda r: (r.name[0] not in known, -r.gain))[:3])
 
 
-def along_track(values: Mapping[str, float], where: str) -> float:
+def friction_along_track(values: Mapping[str, float], where: str) -> float:
     """Return the rms variation of a cart's friction over the way that recordings usually take [V]."""
     key = f"position_friction.{where}."
     wave = np.hypot(values.get(key + "a_sin", 0.0), values.get(key + "a_cos", 0.0))
@@ -281,4 +281,4 @@ def along_track(values: Mapping[str, float], where: str) -> float:
 def _rough(rival: Rival, drive_level: float) -> bool:
     if rival.candidate.id != "position_friction":
         return False
-    return along_track(rival.fit.values, rival.candidate.where) < ROUGHNESS * drive_level
+    return friction_along_track(rival.fit.values, rival.candidate.where) < ROUGHNESS * drive_level

@@ -109,7 +109,7 @@ def free_shapes(bench: Workbench, model: Fit) -> list[Shape]:
     for cart, _, values, sign in families:
         knots = _knots(values)
         sizes.append(knots)
-        pushes += [partial(_forces, cart, k, knots, values, sign) for k in range(len(knots))]
+        pushes += [partial(hats, cart, k, knots, values, sign) for k in range(len(knots))]
     columns = bench.comparable(bench.pushed(model.values, pushes, _SIZE_V))
     shapes, begin = [], 0
     for (cart, name, _, _), knots in zip(families, sizes, strict=True):
@@ -179,9 +179,10 @@ def _hat(x: FloatArray, knots: FloatArray, k: int) -> FloatArray:
     return np.interp(x, knots, unit)
 
 
-def _forces(
+def hats(
     cart: int, k: int, knots: FloatArray, values: Sequence[FloatArray], sign: Sequence[FloatArray]
 ) -> list[FloatArray]:
+    """Return, for every recording, a force on a cart that is 1 at a knot of a variable and 0 at the others, shape (2, n)."""
     return [_push(cart, _hat(x, knots, k) * s) for x, s in zip(values, sign, strict=True)]
 
 

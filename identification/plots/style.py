@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable
 from functools import wraps
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
@@ -10,7 +11,11 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
+from flexdrive_gym.files import write_atomically
+
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from matplotlib.axes import Axes
 
     from flexdrive_gym.recording import FloatArray, Recording
@@ -62,6 +67,13 @@ def styled(function: Callable[P, R]) -> Callable[P, R]:
 def new_figure(height: float, width: float = WIDTH) -> Figure:
     """Return an empty figure [in] with constrained layout."""
     return Figure(figsize=(width, height), layout="constrained")
+
+
+def save_png(figure: Figure, path: Path, dpi: float) -> Path:
+    """Write a figure as a PNG file, whole or not at all, and return its path."""
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", dpi=dpi)
+    return write_atomically(path, stream.getvalue())
 
 
 def moving_mean(values: FloatArray, samples: int) -> FloatArray:

@@ -6,9 +6,10 @@ import pytest
 
 from flexdrive_gym import Drive
 from identification import Diagnosis, diagnose
-from identification.mismatch.diagnose import left_unnamed, spring_notes
+from identification.mismatch.diagnose import spring_notes
 from identification.mismatch.shapes import ALONG_TRACK
 from identification.mismatch.split import split_recordings
+from identification.mismatch.unnamed import left_unnamed
 from identification.output_error import prepare
 from tests.drive.drives import RIG
 from tests.identification.lab import COUNTS, lab_day

@@ -1,0 +1,124 @@
+"""What has no name: a shape, something that only resembles a name, a rhythm, or merely more error than a restless rig has."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from identification.mismatch.excess import excess
+from identification.mismatch.lines import strongest_line
+from identification.mismatch.rounds import LEVEL, Stage
+from identification.mismatch.search import Search, Step, Unlike
+from identification.mismatch.shapes import ALONG_TRACK, WORTH, Shape, likeness
+from identification.mismatch.verdict import Curve, Unnamed, phrase
+from identification.mismatch.workbench import Workbench
+
+# a free shape must explain this much more than all names together to be called unnamed in their place
+_SHAPE_LEAD = 1.6
+# a line in the spectrum must explain this share of the error
+_LINE_SHARE = 0.05
+# names of forces that stand on the track, and the carts on which they act
+_STANDS = {"cogging": ("cart_1",), "ground_spring": ("cart_1", "cart_2")}
+
+
+def left_unnamed(found: Search) -> tuple[tuple[Shape, Stage] | None, tuple[Step, ...]]:
+    """Return the free shape that no name fits with its round, if there is one, and the names that it overrules.
+
+    A shape that goes far beyond everything that was named together, before the names or beside them, says that they were only the
+    nearest ones. One that is left beside names counts by its share of all that was to be explained: what a name's own law
+    lacks is no other physics. But a force along the track that is left beside the name of such a force on the same cart says
+    that this name was a piece of it.
+    """
+    left, overruled = _left_beside(found, found.steps)
+    others = tuple(s for s in found.steps if s not in overruled)
+    if left is not None and overruled and others:
+        # what had been found beside a name that goes is held against the shape by itself
+        _, more = _left_beside(found, others)
+        overruled = (*overruled, *more)
+    return left, overruled
+
+
+def _left_beside(found: Search, steps: Sequence[Step]) -> tuple[tuple[Shape, Stage] | None, tuple[Step, ...]]:
+    named = 1.0 - float(np.prod([1.0 - s.rival.gain for s in steps]))
+    most = _SHAPE_LEAD * named
+    rounds = [(found.last, found.last_shapes, WORTH, 1.0 - named)]
+    if steps:
+        rounds.insert(0, (found.stages[0], found.first_shapes, max(WORTH, most), 1.0))
+    for stage, shapes, least, left in rounds:
+        for shape in shapes:
+            share = shape.predicted * left
+            if share >= least and shape.probability <= LEVEL:
+                alike = [s for s in steps if _along_the_same(s, shape)]
+                return (shape, stage), tuple(steps if share >= most else alike)
+    return None, ()
+
+
+def _along_the_same(step: Step, shape: Shape) -> bool:
+    """Whether a name is a force along the track on the cart of a shape that is one, too."""
+    id_, _ = step.rival.name
+    return shape.variable == ALONG_TRACK and shape.where in _STANDS.get(id_, ())
+
+
+def describe(
+    bench: Workbench, found: Search, left: tuple[Shape, Stage] | None, commands: Sequence[float]
+) -> Unnamed | None:
+    """Return what no name explains: a name that no two recordings agree about, a shape, a rhythm, more than restlessness.
+
+    Parameters
+    ----------
+    left
+        The shape that no name fits, of :func:`left_unnamed`.
+    commands
+        Frequency of every recording's command [Hz]; 0 where it does not repeat.
+    """
+    most = max(found.unlike, key=lambda u: u.share, default=None)
+    if most is not None and most.share >= WORTH and (left is None or most.share > left[0].predicted):
+        return _resembling(most)
+    if left is not None:
+        return _drawn(bench, *left)
+    return _rhythm(bench, found, commands) or _restless(bench, found)
+
+
+def _drawn(bench: Workbench, shape: Shape, stage: Stage) -> Unnamed:
+    nearest = likeness(bench, shape, stage.screened)
+    curve = Curve(shape.variable, shape.knots, shape.force, shape.band)
+    return Unnamed(shape.where, shape.predicted, shape.sentence, tuple(nearest[:3]), curve)
+
+
+def _resembling(found: Unlike) -> Unnamed:
+    """Return what resembles an effect, but needs another size of it in every recording."""
+    id_, where = found.step.rival.name
+    acts = (
+        f"what {phrase(id_)} at {where.replace('_', ' ')} would do, but with a size that differs from recording to recording"
+        f" (p = {found.disagreement.probability:.2g})"
+    )
+    return Unnamed(found.disagreement.where, found.share, acts, ((id_, found.likeness),))
+
+
+def _rhythm(bench: Workbench, found: Search, commands: Sequence[float]) -> Unnamed | None:
+    """Return a disturbance with a rhythm of its own, which no property of the drive can make."""
+    values = found.model.values
+    line = strongest_line(bench, bench.residual(values), commands, values)
+    if line is None or line.share < _LINE_SHARE:
+        return None
+    acts = f"{line.frequency:.3g} Hz whatever the command: a disturbance from outside"
+    return Unnamed(line.where, line.share, acts, ())
+
+
+def _restless(bench: Workbench, found: Search) -> Unnamed | None:
+    """Return that there is more error than a rig's own restlessness makes, whatever it follows.
+
+    What surrounds the two rigs that this was learnt from says nothing on a rig of which there is one recording.
+    """
+    if bench.parts:
+        return None
+    beyond = excess(bench, found.last.null, found.last.before)
+    if beyond.probability > LEVEL:
+        return None
+    most = " and ".join(f"{bench.runs[r].name} ({share:.0%})" for r, share in beyond.runs)
+    acts = (
+        f"nothing that was looked at, but is more than a rig's own restlessness makes (p = {beyond.probability:.2g}); most "
+        f"of it in {most}"
+    )
+    return Unnamed(beyond.where, beyond.share, acts, ())
