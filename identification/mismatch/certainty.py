@@ -35,7 +35,27 @@ def between_runs(bench: Workbench, J: FloatArray, e: FloatArray, *, left_out: bo
     left_out
         Whether to leave out one recording at a time (a jackknife), or to take the scores alone (a sandwich).
     """
-    square, n = J.T @ J, len(bench.runs)
+    n = len(bench.runs)
+    moves = _moves(bench, J, e, left_out=left_out)
+    factor = (n - 1) / n if left_out else n / max(n - 1, 1)
+    return np.asarray(moves.T @ moves * factor)
+
+
+def foretold(bench: Workbench, J: FloatArray, e: FloatArray) -> FloatArray:
+    """Return the squared error of every recording when the fit is made without it, shape (runs,); linearised."""
+    moves, rows = _moves(bench, J, e, left_out=True), [bench.rows.of(r) for r in range(len(bench.runs))]
+    return np.array([float(np.sum((e[i] + J[i] @ move) ** 2)) for i, move in zip(rows, moves, strict=True)])
+
+
+def students_t(x: FloatArray) -> float:
+    """Return the mean of a sample over its standard error; 0 for fewer than two numbers or equal ones."""
+    spread = float(np.std(x, ddof=1)) if len(x) > 1 else 0.0
+    return float(np.mean(x)) / spread * float(np.sqrt(len(x))) if spread else 0.0
+
+
+def _moves(bench: Workbench, J: FloatArray, e: FloatArray, *, left_out: bool) -> FloatArray:
+    """Return how far the fit moves without each recording, or how far each one's score draws it, shape (runs, n)."""
+    square = J.T @ J
 
     def move(r: int) -> FloatArray:
         rows = bench.rows.of(r)
@@ -43,9 +63,7 @@ def between_runs(bench: Workbench, J: FloatArray, e: FloatArray, *, left_out: bo
         others = square - part.T @ part if left_out else square
         return np.asarray(np.linalg.pinv(others, rcond=_NOTHING, hermitian=True) @ (part.T @ e[rows]))
 
-    moves = np.array([move(r) for r in range(n)])
-    factor = (n - 1) / n if left_out else n / max(n - 1, 1)
-    return np.asarray(moves.T @ moves * factor)
+    return np.array([move(r) for r in range(len(bench.runs))])
 
 
 def uncertainty(

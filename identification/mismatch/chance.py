@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -82,8 +82,16 @@ class Chance:
 
     def probability(self, name: tuple[str, str], gains: Sequence[float] | FloatArray) -> float:
         """Return the probability that anything does, by chance, as well against its usual in any view as this one did."""
-        most = np.max(_odds(self.gains) / _odds(self.usual), axis=(1, 2))
-        return float((1 + np.sum(most >= max(self.surprise(name, gains)))) / (1 + len(most)))
+        return float((1 + np.sum(self._most >= max(self.surprise(name, gains)))) / (1 + len(self._most)))
+
+    @property
+    def lucky(self) -> float:
+        """The greatest surprise that anything is in the luckiest tenth of draws."""
+        return float(np.quantile(self._most, 0.9))
+
+    @cached_property
+    def _most(self) -> FloatArray:
+        return np.asarray(np.max(_odds(self.gains) / _odds(self.usual), axis=(1, 2)))
 
     def surprise(self, name: tuple[str, str], gains: Sequence[float] | FloatArray) -> tuple[float, ...]:
         """Return the odds of a gain in every view, relative to those that the effect usually reaches by chance.

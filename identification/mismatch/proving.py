@@ -11,7 +11,7 @@ import numpy as np
 from flexdrive_gym import Drive, Provenance, __version__
 from flexdrive_gym.recording import FloatArray, Recording
 from identification.methods import rig_parameters
-from identification.mismatch.certainty import between_runs, is_there, uncertainty
+from identification.mismatch.certainty import between_runs, foretold, is_there, students_t, uncertainty
 from identification.mismatch.crew import Crew
 from identification.mismatch.prove import place, polished, total, tried_on, velocity_fits
 from identification.mismatch.refit import Coordinates, refit, sensitivities
@@ -31,6 +31,8 @@ _LEARNT_PLAINLY = 0.01
 _WORSE, _LOUD = 0.005, 0.1
 # or must lower it by this factor; what explains less than this share must do both
 _BETTER, _SMALL = 0.99, 0.02
+# Student's t that few findings by chance reach, and how much worse comparable residuals of recordings kept away may then be
+_STEADY, _OPPOSITE = 2.5, 0.01
 # share that is much for a second finding
 _MUCH = 0.2
 # of what effects can explain among comparable residuals, a plain fit must keep this share
@@ -53,6 +55,8 @@ class Proof:
         Of plain rms on recordings kept away, after over before, every run with its own dry friction.
     least
         What ``learnt`` must be at least.
+    steady
+        Student's t of what it removes of each recording learnt from, when both drives are foretold by the other recordings.
     """
 
     step: Step
@@ -63,15 +67,18 @@ class Proof:
     kept: float
     ratio: float
     least: float = _LEARNT
+    steady: float = 0.0
 
     @property
     def holds(self) -> bool:
         """Whether the finding stands: among comparable residuals of recordings kept away, or plainly there; small ones, both.
 
-        What is small is let through by chance once in a while: many are tried.
+        What is small is let through by chance once in a while: many are tried. Few recordings are kept away: what every recording
+        learnt from foretells of the others stands, too, if it lowers the plain rms there and shows no opposite effect.
         """
         worse = self.ratio - 1.0 > _WORSE + _LOUD * self.kept
         seen, plain = self.kept > _PROVEN and not worse, self.ratio < _BETTER
+        plain = plain or (self.steady > _STEADY and self.ratio < 1.0 and self.kept > -_OPPOSITE)
         both = seen and plain if self.share <= _SMALL else seen or plain
         return self.learnt > self.least and both
 
@@ -92,14 +99,15 @@ class Judges:
     fitted
         Findings to the drive with them.
     compared
-        Findings to the drive fitted where residuals are compared, and its cost.
+        Findings to the drive fitted where residuals are compared, its cost, and the squared error of every recording foretold by
+        the others.
     small
         Findings to whether their effects are too small for a plain fit.
     """
 
     bench: Workbench | None
     fitted: dict[_Names, Mapping[str, float]] = field(default_factory=dict)
-    compared: dict[_Names, tuple[Mapping[str, float], float]] = field(default_factory=dict)
+    compared: dict[_Names, tuple[Mapping[str, float], float, FloatArray]] = field(default_factory=dict)
     small: dict[_Names, bool] = field(default_factory=dict)
 
 
@@ -178,7 +186,7 @@ class Proving:
     ) -> bool:
         """Whether effects with the sizes of a plain fit explain less than they can, by more than a share."""
         assert judges.bench is not None
-        (_, bare), (_, best) = self.compared(judges, (), self.free), self.compared(judges, steps, start)
+        (_, bare, _), (_, best, _) = self.compared(judges, (), self.free), self.compared(judges, steps, start)
         plain = refit(judges.bench, values, self.names, iterations=3, view="comparable")
         return bare - _cost(judges.bench, plain.values) < _KEPT * (bare - best)
 
@@ -257,8 +265,11 @@ class Proving:
 
     def compared(
         self, judges: Judges, steps: Sequence[Step], start: Mapping[str, float]
-    ) -> tuple[Mapping[str, float], float]:
-        """Return a drive fitted where residuals are compared, and its cost: what is small is not found by a plain fit."""
+    ) -> tuple[Mapping[str, float], float, FloatArray]:
+        """Return a drive fitted where residuals are compared, its cost, and every recording's when the others foretell it.
+
+        What is small is not found by a plain fit.
+        """
         names, bench = _names(steps), judges.bench
         assert bench is not None
         if names not in judges.compared:
@@ -266,7 +277,8 @@ class Proving:
             begin = min(begins, key=lambda values: _cost(bench, values))
             keys = [k for s in steps for k in keys_of(s)]
             fit = refit(bench, begin, [*self.names, *keys], iterations=4, view="comparable")
-            judges.compared[names] = fit.values, _cost(bench, fit.values)
+            e = bench.comparable(bench.residual(fit.values))
+            judges.compared[names] = fit.values, float(e @ e), foretold(bench, fit.jacobian, e)
         return judges.compared[names]
 
     def proof(self, step: Step, others: Sequence[Step], start: Mapping[str, float], judges: Judges) -> Proof:
@@ -277,19 +289,19 @@ class Proving:
         kept = self.split.prove or self.split.learn
         before, after, _ = total(velocity_fits(without, everything, kept, self.runs, self.pool, held_out=True))
         low, high, _ = total(velocity_fits(without, everything, self.split.learn, self.runs, self.pool, held_out=False))
-        plainly = without, everything
+        plainly, steady = (without, everything), 0.0
         if judges.bench is None or step.view == "weighted":
             seen, learnt = plainly, self._tried(self.split.learn, plainly, step, spread=0.0)[0]
         else:
-            (bare, worst), (whole, best) = (self.compared(judges, some, start) for some in both)
-            seen, learnt = (bare, whole), 1.0 - best / worst
+            (bare, worst, low_r), (whole, best, high_r) = (self.compared(judges, some, start) for some in both)
+            seen, learnt, steady = (bare, whole), 1.0 - best / worst, students_t(low_r - high_r)
         spread = self.searched.spread.get("friction", 0.0)
         proven, ratio = self._tried(kept, plainly, step, spread=spread)
         if seen is not plainly:
             proven, _ = self._tried(kept, seen, step, spread=spread)
         share = max(1.0 - (high / low) ** 2, learnt)
         least = _LEARNT_PLAINLY if judges.bench is None else _LEARNT
-        return Proof(step, before, after, share, learnt, proven, ratio, least)
+        return Proof(step, before, after, share, learnt, proven, ratio, least, steady)
 
     def _tried(
         self, recordings: Sequence[Recording], drives: tuple[_Drive, _Drive], step: Step, *, spread: float

@@ -31,6 +31,8 @@ _SECOND_STARTS = 1
 _NEARLY = 0.5
 # what explains this share is worth comparing with its look-alikes
 _WORTH_A_LOOK = 0.02
+# of the surprise that the luckiest tenth of draws reach: what is below it after one refit is not refitted any further
+_HOPELESS = 0.4
 # shares of a cart's dry friction that may be there at rest only; a hump wide enough for finite differences to see its slope
 _AT_REST, _WIDE_MM_S = (0.4, 0.7), 25.0
 # waves within the longest way that make a repetition: where all runs share their place, and where each began anywhere
@@ -158,12 +160,18 @@ def stage(
     luck = chance(bench, views, null, model)
     screened = views["comparable"]
     leaders = best_of_each(screened)
+    prospects = _prospects(views)
     chosen = _to_refit(views, leaders, luck)
     chosen += [s for s in screened if s.candidate.name in starts and not any(s is c for c in chosen)]
 
     def refitted(s: Screened) -> Rival:
         say(f"refitting with {s.candidate.id} ({s.candidate.where})")
-        return _rival(bench.alone(), model, s, raw, starts.get(s.candidate.name))
+        name = s.candidate.name
+
+        def hopeless(gains: Sequence[float]) -> bool:
+            return max(luck.surprise(name, np.maximum(gains, prospects[name]))) < _HOPELESS * luck.lucky
+
+        return _rival(bench.alone(), model, s, raw, hopeless, starts.get(name))
 
     tried = list(bench.pool.map(refitted, chosen))
     first = max(tried, key=lambda r: max(r.gains), default=None)
@@ -173,7 +181,6 @@ def stage(
     for r in (r for r in tried if _repeats(bench, r)):
         if r.name not in best or max(r.gains) > max(best[r.name].gains):
             best[r.name] = r
-    prospects = _prospects(views)
     seen = {n: np.maximum(r.gains, prospects[n]) for n, r in best.items()}
     odds = {n: luck.surprise(n, gains) for n, gains in seen.items()}
     where = int(np.argmax(np.max(list(odds.values()), axis=0))) if odds else 0
@@ -261,8 +268,14 @@ def _to_refit(views: Mapping[View, Sequence[Screened]], leaders: Sequence[Screen
 
 
 def _rival(
-    bench: Workbench, model: Fit, s: Screened, raw: FloatArray, known: Mapping[str, float] | None = None
+    bench: Workbench,
+    model: Fit,
+    s: Screened,
+    raw: FloatArray,
+    hopeless: Callable[[Sequence[float]], bool],
+    known: Mapping[str, float] | None = None,
 ) -> Rival:
+    """Refit a candidate; what is hopeless after its first fit is not worth another."""
     c = s.candidate
     if known is not None:
         # its own parameters stay as given: a sensor loses the sign or it does not
@@ -280,6 +293,9 @@ def _rival(
     if all(start[key] == LAYOUT[key].parameter.null for key, _ in c.sizes):
         start.update({key: 0.1 * size for key, size in c.sizes})
     fit = refit(bench, start, (*model.names, *keys), iterations=6, fresh=keys, known=model)
+    if hopeless(_gains(bench, model, fit)):
+        offsets, bench.offsets = bench.offsets, here
+        return Rival(s, fit.bare(), offsets, _gains(bench, model, fit))
     if fit.weighted > model.weighted:
         # what is best among comparable residuals may lie beyond a ridge: begin beside the present model
         start.update({key: LAYOUT[key].parameter.null + 0.1 * size for key, size in c.sizes if isfinite(size)})

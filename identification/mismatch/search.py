@@ -15,7 +15,7 @@ from identification.mismatch.refit import Fit
 from identification.mismatch.rounds import LEVEL, Progress, Rival, Stage, Starts, passes, stage
 from identification.mismatch.settle import settle
 from identification.mismatch.shapes import WORTH, Shape, free_shapes
-from identification.mismatch.surroundings import is_dry_friction
+from identification.mismatch.surroundings import dry_level, is_dry_friction
 from identification.mismatch.workbench import View, Workbench
 from identification.topology import Topology
 
@@ -23,8 +23,9 @@ from identification.topology import Topology
 PLAUSIBLE = 0.1
 # rivals closer than this in gain, or not plainly worse in the paired recordings, are ties
 TIE_LEVEL, TIE_GAIN = 0.05, 0.98
-# friction along the track whose rms is below this share of the drive is the roughness that every rig has
-ROUGHNESS = 0.012
+# friction along the track whose rms is below this share of the drive, or of the cart's dry friction, is the roughness that every
+# rig has: those that were measured are rough by up to 0.14 of their friction
+ROUGHNESS, ROUGH_FRICTION = 0.012, 0.2
 WAY_MM = 100.0
 # findings at most, and rivals of one round that are put to the proof
 MOST_EFFECTS, MOST_TRIED = 4, 3
@@ -148,12 +149,15 @@ def search(
     steps: list[Step] = []
     stages: list[Stage] = []
     while True:
+        if len(steps) == MOST_EFFECTS:
+            stages.append(_around(bench, stages[-1], model, rng))
+            break
         now = stage(bench, model, topology, rng, shapes(model.values), starts, say=say)
         stages.append(now)
         if len(stages) == 1:
             say("free shapes")
             shapes_found = first_shapes = _shapes(bench, now)
-        step = _proven(now, drive_level, steps, stands) if len(steps) < MOST_EFFECTS else None
+        step = _proven(now, drive_level, steps, stands)
         if step is None:
             break
         best = step.rival
@@ -170,11 +174,16 @@ def search(
         steps.remove(worst.step)
         say(f"taken back: {worst.step.rival.name[0]} at {worst.step.rival.name[1]}")
         model = _without(bench, model, worst.step, steps, topology)
-        stages.append(replace(stages[-1], before=model, null=null_residuals(bench, model.values, rng)))
+        stages.append(_around(bench, stages[-1], model, rng))
     if len(stages) > 1:
         say("free shapes")
         shapes_found = _shapes(bench, stages[-1])
     return Search(tuple(steps), tuple(unlike), model, tuple(stages), first_shapes, shapes_found)
+
+
+def _around(bench: Workbench, last: Stage, model: Fit, rng: np.random.Generator) -> Stage:
+    """Return a round in which nothing is tried: what chance reaches around a model."""
+    return replace(last, before=model, rivals=(), null=null_residuals(bench, model.values, rng))
 
 
 def _most_unlike(bench: Workbench, last: Stage, steps: Sequence[Step]) -> Unlike | None:
@@ -281,4 +290,6 @@ def friction_along_track(values: Mapping[str, float], where: str) -> float:
 def _rough(rival: Rival, drive_level: float) -> bool:
     if rival.candidate.id != "position_friction":
         return False
-    return friction_along_track(rival.fit.values, rival.candidate.where) < ROUGHNESS * drive_level
+    values, where = rival.fit.values, rival.candidate.where
+    usual = max(ROUGHNESS * drive_level, ROUGH_FRICTION * dry_level(values, int(where[-1]) - 1))
+    return friction_along_track(values, where) < usual

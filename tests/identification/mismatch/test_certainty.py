@@ -7,7 +7,7 @@ import pytest
 
 from flexdrive_gym import Drive
 from identification.mismatch.candidates import catalogue
-from identification.mismatch.certainty import between_runs, is_there
+from identification.mismatch.certainty import between_runs, foretold, is_there, students_t
 from tests.drive.drives import RIG
 
 
@@ -28,11 +28,19 @@ def test_the_spread_left_out_is_that_of_fits_without_each():
     J[:rows, 3] *= 5.0
     z, *_ = np.linalg.lstsq(J, e, rcond=None)
     bench = SimpleNamespace(runs=range(runs), rows=SimpleNamespace(of=lambda r: slice(r * rows, (r + 1) * rows)))
-    without = []
+    without, errors = [], []
     for r in range(runs):
         others = np.ones(runs * rows, dtype=bool)
         others[bench.rows.of(r)] = False
         without.append(np.linalg.lstsq(J[others], e[others], rcond=None)[0] - z)
+        errors.append(np.sum((e - J @ (z + without[-1]))[~others] ** 2))
     jackknife = np.array(without).T @ np.array(without) * (runs - 1) / runs
     # at the fit, as a diagnosis has it
     assert between_runs(bench, J, e - J @ z, left_out=True) == pytest.approx(jackknife)
+    assert foretold(bench, J, e - J @ z) == pytest.approx(errors)
+
+
+def test_what_one_recording_alone_shows_is_not_steady():
+    assert students_t(np.array([1.0, 1.2, 0.9, 1.1])) > 10.0
+    assert students_t(np.array([4.0, 0.0, 0.1, -0.1])) < 1.1
+    assert students_t(np.ones(1)) == 0.0

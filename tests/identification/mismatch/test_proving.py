@@ -43,3 +43,11 @@ def test_every_run_is_met_with_its_own_friction():
     assert other["d2"] == pytest.approx(rubbing["d2"], rel=0.06)
     # nothing but friction is a run's own
     assert {k: v for k, v in other.items() if k[0] != "d"} == {k: v for k, v in RIG.items() if k[0] != "d"}
+
+
+@pytest.mark.parametrize(
+    ("steady", "kept", "ratio", "holds"),
+    [(3.2, -0.003, 0.991, True), (1.2, -0.003, 0.991, False), (3.2, -0.003, 1.002, False), (3.2, -0.05, 0.995, False)],
+)
+def test_what_all_recordings_learnt_from_foretell_stands_if_those_kept_away_do_not_object(steady, kept, ratio, holds):
+    assert Proof(SimpleNamespace(), 8.0, 8.0, 0.03, 0.03, kept, ratio, steady=steady).holds is holds
