@@ -53,3 +53,18 @@ def test_what_is_said_to_repeat_does_within_the_way(effect, where, period, repea
 def test_a_hump_without_width_is_no_hump(width, vanishes):
     candidate = next(c for c in catalogue() if c.name == ("stribeck", "cart_1"))
     assert candidate.vanishes({"stribeck.cart_1.vs": width}) is vanishes
+
+
+def test_what_is_hopeless_after_its_first_refit_is_not_refitted_again(monkeypatch):
+    done = []
+    fit = SimpleNamespace(
+        weighted=2.0, cost=2.0, beside=lambda *_: 0.001, bare=lambda: "a fit", values={"quadratic_drag.cart_1.c": 0.1}
+    )
+    monkeypatch.setattr(rounds, "refit", lambda *a, **k: done.append(a) or fit)
+    model = SimpleNamespace(values={}, names=(), weighted=1.0, cost=1.0)
+    bench = SimpleNamespace(offsets=np.zeros(2), unplaced=lambda _: False, views=("comparable", "weighted"))
+    candidate = next(c for c in catalogue() if c.name == ("quadratic_drag", "cart_1"))
+    screened = SimpleNamespace(candidate=candidate, sizes=tuple(1e-6 for _ in candidate.sizes))
+    rival = rounds._rival(bench, model, screened, np.zeros(4), lambda gains: max(gains) < 0.01)
+    assert len(done) == 1
+    assert rival.gains == (0.001, 0.001)
