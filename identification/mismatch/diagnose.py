@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from flexdrive_gym import Drive
+from flexdrive_gym import DEFAULT_DRIVE, Drive
 from flexdrive_gym.recording import Recording
 from identification.likelihood import MaximumLikelihood, identify_by_likelihood
 from identification.mismatch.chance import null_residuals
@@ -141,7 +141,7 @@ class _Diagnosing:
         """Return the free drive seen through a sensor that loses the sign, where a velocity never goes below zero.
 
         From speeds alone the equations of motion tell a wrong drive to begin with; one with the handout's ratios is found from
-        farther away.
+        farther away, and the lab's own rig is one more place to begin.
         """
         found: dict[tuple[str, str], Mapping[str, float]] = {}
         for cart in (1, 2):
@@ -150,7 +150,8 @@ class _Diagnosing:
                 continue
             fixed, start = {f"rectified_sensor.{where}.share": 1.0}, None
             if self.topology.two_carts:
-                start = self._identified(jobs, fixed=fixed, ties=HANDOUT_RATIOS).drive.values
+                usual = {n: DEFAULT_DRIVE[n] for n in self.names}
+                start = self._identified(jobs, fixed=fixed, ties=HANDOUT_RATIOS, start=usual).drive.values
             found["rectified_sensor", where] = self._identified(jobs, fixed=fixed, start=start).drive.values
         return found
 

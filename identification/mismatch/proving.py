@@ -29,12 +29,14 @@ _LEARNT, _PROVEN = 0.005, 0.004
 _LEARNT_PLAINLY = 0.01
 # and must not raise their plain rms, rough track and all, by more than this share, and this much of what it cuts there
 _WORSE, _LOUD = 0.005, 0.1
+# unless it removes this share there, which is plain however much else is missing
+_CERTAIN = 0.25
 # or must lower it by this factor; what explains less than this share must do both
 _BETTER, _SMALL = 0.99, 0.02
 # Student's t that few findings by chance reach, and how much worse comparable residuals of recordings kept away may then be
 _STEADY, _OPPOSITE = 2.5, 0.01
-# share that is much for a second finding
-_MUCH = 0.2
+# share that is much for a second finding, and the same of comparable residuals of recordings kept away
+_MUCH, _MUCH_KEPT = 0.2, 0.05
 # of what effects can explain among comparable residuals, a plain fit must keep this share
 _KEPT = 0.7
 
@@ -76,16 +78,44 @@ class Proof:
         What is small is let through by chance once in a while: many are tried. Few recordings are kept away: what every recording
         learnt from foretells of the others stands, too, if it lowers the plain rms there and shows no opposite effect.
         """
-        worse = self.ratio - 1.0 > _WORSE + _LOUD * self.kept
+        worse = self.ratio - 1.0 > _WORSE + _LOUD * self.kept and self.kept < _CERTAIN
         seen, plain = self.kept > _PROVEN and not worse, self.ratio < _BETTER
         plain = plain or (self.steady > _STEADY and self.ratio < 1.0 and self.kept > -_OPPOSITE)
         both = seen and plain if self.share <= _SMALL else seen or plain
         return self.learnt > self.least and both
 
+    @property
+    def plain_beside(self) -> bool:
+        """Whether it explains much, or is foretold, or at least that while it removes much of recordings kept away.
+
+        What another name's law lacks does none of these.
+        """
+        much = self.kept >= _MUCH_KEPT and self.steady > 1.0
+        return self.share >= _MUCH or much or self.steady > _STEADY
+
 
 _Drive = Mapping[str, float]
 # the effects and places of some findings
 _Names = frozenset[tuple[str, str]]
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """A drive fitted where residuals are compared.
+
+    Attributes
+    ----------
+    drive
+        Its parameters.
+    cost
+        Squared error of the recordings learnt from.
+    foretold : ndarray, shape (runs,)
+        That of every recording, when the others foretell it.
+    """
+
+    drive: _Drive
+    cost: float
+    foretold: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,15 +129,14 @@ class Judges:
     fitted
         Findings to the drive with them.
     compared
-        Findings to the drive fitted where residuals are compared, its cost, and the squared error of every recording foretold by
-        the others.
+        Findings to the drive fitted where residuals are compared.
     small
         Findings to whether their effects are too small for a plain fit.
     """
 
     bench: Workbench | None
     fitted: dict[_Names, Mapping[str, float]] = field(default_factory=dict)
-    compared: dict[_Names, tuple[Mapping[str, float], float, FloatArray]] = field(default_factory=dict)
+    compared: dict[_Names, Compared] = field(default_factory=dict)
     small: dict[_Names, bool] = field(default_factory=dict)
 
 
@@ -148,7 +177,7 @@ class Proving:
             return judges.fitted[names]
         keys = [k for s in steps for k in keys_of(s)]
         kept, self.bench.offsets = self.bench.offsets, self._offsets(steps)
-        seen = start if judges.bench is None else self.compared(judges, steps, start)[0]
+        seen = start if judges.bench is None else self.compared(judges, steps, start).drive
         # what a drive has next to an effect may be far from what it has without
         begin = min((self._begin(steps, seen, own) for own in (seen, self.free)), key=self._error)
         values = polished(self.bench, begin, [*self.names, *keys])
@@ -186,7 +215,7 @@ class Proving:
     ) -> bool:
         """Whether effects with the sizes of a plain fit explain less than they can, by more than a share."""
         assert judges.bench is not None
-        (_, bare, _), (_, best, _) = self.compared(judges, (), self.free), self.compared(judges, steps, start)
+        bare, best = self.compared(judges, (), self.free).cost, self.compared(judges, steps, start).cost
         plain = refit(judges.bench, values, self.names, iterations=3, view="comparable")
         return bare - _cost(judges.bench, plain.values) < _KEPT * (bare - best)
 
@@ -213,8 +242,8 @@ class Proving:
 
         An effect that is there has much the same size in every recording; one that fits a chance of some has not, and its
         interval, from the spread between recordings, holds its absence. Nor does the interval of a shape reach its lower bound.
-        The finding that explains most, and others that explain much, are asked by the scores of the recordings; smaller ones by
-        leaving one recording out at a time.
+        The finding that explains most, and others that are plain (:meth:`Proof.plain_beside`), are asked by the scores of the
+        recordings; the rest by leaving one recording out at a time.
         """
         judges = self.judges(found.model.values) if steps else Judges(None)
         while True:
@@ -223,8 +252,12 @@ class Proving:
             steps = [p.step for p in proofs]
             drive, lenient = self.final(everything, steps, small=judges.small.get(_names(steps), False))
             # what the law of the first name lacks is often taken for a second effect: a small one must be the more certain
-            most = min(_MUCH, max((p.share for p in proofs), default=0.0))
-            steps = [p.step for p in proofs if is_there(p.step.rival.candidate, lenient if p.share >= most else drive)]
+            first = max(proofs, key=lambda p: p.share, default=None)
+            steps = [
+                p.step
+                for p in proofs
+                if is_there(p.step.rival.candidate, lenient if p is first or p.plain_beside else drive)
+            ]
             if len(steps) == len(proofs):
                 return proofs, free, everything, drive
 
@@ -263,13 +296,8 @@ class Proving:
         settle(bench, values, self.names)
         return Judges(bench)
 
-    def compared(
-        self, judges: Judges, steps: Sequence[Step], start: Mapping[str, float]
-    ) -> tuple[Mapping[str, float], float, FloatArray]:
-        """Return a drive fitted where residuals are compared, its cost, and every recording's when the others foretell it.
-
-        What is small is not found by a plain fit.
-        """
+    def compared(self, judges: Judges, steps: Sequence[Step], start: Mapping[str, float]) -> Compared:
+        """Return a drive fitted where residuals are compared: what is small is not found by a plain fit."""
         names, bench = _names(steps), judges.bench
         assert bench is not None
         if names not in judges.compared:
@@ -278,7 +306,7 @@ class Proving:
             keys = [k for s in steps for k in keys_of(s)]
             fit = refit(bench, begin, [*self.names, *keys], iterations=4, view="comparable")
             e = bench.comparable(bench.residual(fit.values))
-            judges.compared[names] = fit.values, float(e @ e), foretold(bench, fit.jacobian, e)
+            judges.compared[names] = Compared(fit.values, float(e @ e), foretold(bench, fit.jacobian, e))
         return judges.compared[names]
 
     def proof(self, step: Step, others: Sequence[Step], start: Mapping[str, float], judges: Judges) -> Proof:
@@ -293,8 +321,9 @@ class Proving:
         if judges.bench is None or step.view == "weighted":
             seen, learnt = plainly, self._tried(self.split.learn, plainly, step, spread=0.0)[0]
         else:
-            (bare, worst, low_r), (whole, best, high_r) = (self.compared(judges, some, start) for some in both)
-            seen, learnt, steady = (bare, whole), 1.0 - best / worst, students_t(low_r - high_r)
+            bare, whole = (self.compared(judges, some, start) for some in both)
+            seen, learnt = (bare.drive, whole.drive), 1.0 - whole.cost / bare.cost
+            steady = students_t(bare.foretold - whole.foretold)
         spread = self.searched.spread.get("friction", 0.0)
         proven, ratio = self._tried(kept, plainly, step, spread=spread)
         if seen is not plainly:

@@ -20,6 +20,9 @@ from tests.identification.mismatch.lab import SHORT, short_day, workbench
         # the more the louder the day
         (0.137, 0.137, 0.096, 1.011, True),
         (0.137, 0.137, 0.01, 1.011, False),
+        # an effect that is there makes a plain fit worse when another one is missing beside it
+        (0.417, 0.417, 0.413, 1.089, True),
+        (0.2, 0.2, 0.2, 1.089, False),
         # but not what is small as well
         (0.015, 0.015, 0.03, 1.001, False),
         (0.015, 0.015, 0.03, 0.98, True),
@@ -51,3 +54,18 @@ def test_every_run_is_met_with_its_own_friction():
 )
 def test_what_all_recordings_learnt_from_foretell_stands_if_those_kept_away_do_not_object(steady, kept, ratio, holds):
     assert Proof(SimpleNamespace(), 8.0, 8.0, 0.03, 0.03, kept, ratio, steady=steady).holds is holds
+
+
+@pytest.mark.parametrize(
+    ("share", "kept", "steady", "plain"),
+    [
+        (0.3, 0.01, 0.0, True),
+        (0.1, 0.11, 1.2, True),
+        (0.017, 0.01, 2.7, True),
+        (0.08, 0.03, 0.9, False),
+        # a hardening spring beside a hysteresis with another law
+        (0.038, 0.073, 0.3, False),
+    ],
+)
+def test_a_second_name_is_plain_by_what_it_explains_what_it_predicts_or_how_steadily(share, kept, steady, plain):
+    assert Proof(SimpleNamespace(), 8.0, 8.0, share, share, kept, 0.98, steady=steady).plain_beside is plain
