@@ -24,7 +24,7 @@ from identification.signals import motions
 BLOCK_S = 0.005
 PHYSICS_S = 1e-3
 # a drive that shows more than this has run away [mm, mm/s]
-_RUNAWAY = 1e9
+RUNAWAY = 1e9
 # what tells the speed at the start of a run whose velocity was not recorded [s], and how few samples of it are all used
 _HEAD_S, _FEW = 0.02, 6
 
@@ -164,6 +164,27 @@ def _track(recording: Recording, v: Sequence[FloatArray], keep: Sequence[BoolArr
     return np.ascontiguousarray(np.vstack([rows[0], rows[-1]]), dtype=np.float64)
 
 
+def held(run: Run) -> tuple[FloatArray, FloatArray, int]:
+    """Return the command as it is held, shape (pieces · n,), the track at the same instants, and pieces per sample."""
+    if run.fine is None:
+        return run.u, run.track, 1
+    pieces = len(run.fine) // len(run.u)
+    return run.fine, np.repeat(run.track, pieces, axis=1), pieces
+
+
+_QUANTA = [parameters.index(f"encoder_quantisation.{place}.quantum") for place in ("encoder_1", "encoder_2")]
+_CUTOFFS = [parameters.index(f"velocity_processing.{place}.cutoff") for place in ("encoder_1", "encoder_2")]
+
+
+def drive_vector(values: Mapping[str, float], run: Run) -> FloatArray:
+    """Return the parameter vector of the step for a run: without encoder counts, with the run's own velocity filter."""
+    p = parameters.vector(values)
+    p[_QUANTA] = 0.0
+    if run.cutoff is not None:
+        p[_CUTOFFS] = run.cutoff
+    return p
+
+
 def simulate_run(
     values: Mapping[str, float], run: Run, physics_step: float = PHYSICS_S, pushes: FloatArray | None = None
 ) -> list[FloatArray]:
@@ -171,15 +192,8 @@ def simulate_run(
 
     ``pushes``, ndarray, shape (2, n), are additional forces on the carts [V].
     """
-    p = parameters.vector(values)
-    for place in ("encoder_1", "encoder_2"):
-        p[parameters.index(f"encoder_quantisation.{place}.quantum")] = 0.0
-        if run.cutoff is not None:
-            p[parameters.index(f"velocity_processing.{place}.cutoff")] = run.cutoff
-    u, track, pieces = run.u, run.track, 1
-    if run.fine is not None:
-        u, pieces = run.fine, len(run.fine) // len(run.u)
-        track = np.repeat(track, pieces, axis=1)
+    u, track, pieces = held(run)
+    if pieces > 1:
         pushes = None if pushes is None else np.repeat(pushes, pieces, axis=1)
     readings = np.empty((4, len(u)))
     h = run.sample_time / pieces
@@ -190,15 +204,15 @@ def simulate_run(
         run.start,
         np.zeros(WORK_SPACE),
         parameters.workspace(values) if pushes is None else np.zeros(WORKSPACE),
-        p,
+        drive_vector(values, run),
         readings,
         None,
         track,
         pushes,
     )
-    if not (readings.max() < _RUNAWAY and readings.min() > -_RUNAWAY):
+    if not (readings.max() < RUNAWAY and readings.min() > -RUNAWAY):
         # masses so small that the step is unstable for them: a fit that tries them must see a number
-        readings = np.clip(np.nan_to_num(readings, nan=_RUNAWAY), -_RUNAWAY, _RUNAWAY)
+        readings = np.clip(np.nan_to_num(readings, nan=RUNAWAY), -RUNAWAY, RUNAWAY)
     if pieces > 1:
         readings = readings[:, ::pieces]
         readings[2:, 1:] = np.diff(readings[:2]) / run.sample_time

@@ -22,7 +22,7 @@ NOTHING = np.empty((4, 0))
 
 
 @kernel
-def _run_open_loop(
+def run_recording(
     u: Any,
     sample_time: float,
     substeps: int,
@@ -35,6 +35,7 @@ def _run_open_loop(
     track: Any,
     pushes: Any,
 ) -> None:
+    """See :func:`run_open_loop`; what is left out there has no columns here."""
     x1, v1, x2, v2 = start[0], start[1], start[2], start[3]
     q, m, w = pointer(p), pointer(memory), pointer(z)
     table = shifted(m, MEMORY)
@@ -101,7 +102,7 @@ def run_open_loop(
         # the kernel would read past the end
         if rows.shape[1] not in (0, len(u)):
             raise ValueError(f"{name}: must have one column per sample, {len(u)}; got {rows.shape[1]}.")
-    _run_open_loop(u, sample_time, substeps, start, memory, z, p, readings, states, track, pushes)
+    run_recording(u, sample_time, substeps, start, memory, z, p, readings, states, track, pushes)
 
 
 @kernel

@@ -95,9 +95,12 @@ def vector(values: Mapping[str, float]) -> FloatArray:
 
 def workspace(values: Mapping[str, float]) -> FloatArray | None:
     """Return the step's workspace, or ``None`` if only effects every drive has are present."""
-    if any(name in LAYOUT and LAYOUT[name].switches for name in values):
-        return np.zeros(WORKSPACE)
-    return None
+    return np.zeros(WORKSPACE) if needs_workspace(values) else None
+
+
+def needs_workspace(values: Mapping[str, float]) -> bool:
+    """Whether there are other effects than those that every drive has."""
+    return any(name in LAYOUT and LAYOUT[name].switches for name in values)
 
 
 # keys of every effect that may need a shorter step, at every place

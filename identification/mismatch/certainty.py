@@ -78,9 +78,13 @@ def uncertainty(
     return intervals, Covariance(tuple(c.names), covariance * np.outer(gain, gain))
 
 
-def is_there(candidate: Candidate, drive: Drive) -> bool:
-    """Whether an effect's sizes in a drive differ from none, and its shape from the bound at which it is another effect."""
-    return _differs(candidate, drive) and not _vanishes(candidate, drive)
+def is_there(candidate: Candidate, drive: Drive, *, foretold: bool = False) -> bool:
+    """Whether an effect's sizes in a drive differ from none, and its shape from the bound at which it is another effect.
+
+    What recordings foretell of one another (``foretold``) is not asked for its size again: in a fit of everything, friction and
+    all, the size may stand where no residual compares it.
+    """
+    return (foretold or _differs(candidate, drive)) and not _vanishes(candidate, drive)
 
 
 def _differs(candidate: Candidate, drive: Drive) -> bool:

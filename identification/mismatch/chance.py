@@ -258,6 +258,13 @@ class _Profile:
             # drawn where runs have been so far, and some way beyond
             reach = max(_REACH_MM, 1.2 * abs(low), 1.2 * abs(high))
             self.grid = np.linspace(-reach, reach, round(_PER_MM * 2.0 * reach) + 1)
-            waves = np.cos(self.k[:, None] * self.grid + self.phase[:, None])
-            self.values = np.sqrt(2.0 / len(self.k)) * waves.sum(axis=0)
+            self.values = np.sqrt(2.0 / len(self.k)) * self._waves(-reach, self.grid[1] - self.grid[0], len(self.grid))
         return _between(x, self.grid[0], self.grid[1] - self.grid[0], self.values)
+
+    def _waves(self, first: float, step: float, count: int) -> FloatArray:
+        """Return the sum of all cosines at equal distances, by their angles' sums: coarse places, and fine ones beyond each."""
+        fine = int(np.ceil(np.sqrt(count)))
+        coarse = -(-count // fine)
+        a = self.k * (first + step * fine * np.arange(coarse)[:, None]) + self.phase
+        b = self.k * (step * np.arange(fine)[:, None])
+        return np.asarray(np.cos(a) @ np.cos(b).T - np.sin(a) @ np.sin(b).T).ravel()[:count]

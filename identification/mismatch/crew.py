@@ -29,6 +29,11 @@ class Crew(Executor):
         self._others = ThreadPoolExecutor(max(threads - 1, 1))
         self._threads = threads
 
+    @property
+    def threads(self) -> int:
+        """How many work at once."""
+        return self._threads
+
     def map(self, fn: Callable[..., Any], *iterables: Iterable[Any], **_: Any) -> Iterator[Any]:
         """Return the results in order, all of them ready; the first error of any item is raised when no item is at work."""
         items = list(zip(*iterables, strict=False))

@@ -211,7 +211,8 @@ class _Diagnosing:
             # what is left is then what there was before any name
             found = self.nothing_named(found)
             left, _ = left_unnamed(found)
-        unnamed = describe(self.bench, found, left, [r.excitation.frequency for r in split.learn])
+        commands = [r.excitation.frequency for r in split.learn]
+        unnamed = describe(self.bench, found, left, commands, () if proofs else proving.refused)
         return Diagnosis(
             verdict=_verdict(findings, unnamed, proof),
             faults=tuple(f for r in self.runs for f in r.faults),

@@ -25,16 +25,17 @@ from identification.validation import simulate_like
 _PLACES = 24
 # a run's own friction is sought in steps of so many standard deviations
 _WIDTHS = (1.5, 1.0, 0.5)
+# share of the squared error that a fit's last step may still remove, before and after its weights are set
+_NEAR, _SHARP = 2e-3, 1e-4
 
 
 def polished(bench: Workbench, values: Mapping[str, float], names: Sequence[str]) -> Mapping[str, float]:
     """Return the model fitted with one friction for all runs: what a drive file can hold."""
     bench.forget_random_effects()
-    fit = None
-    for _ in range(2):
+    # weights are those of the drive's own errors: they are not worth a sharp fit before it is near
+    for rough, tolerance in ((True, _NEAR), (False, _SHARP)):
         bench.weigh(bench.residual(values))
-        fit = refit(bench, values, names, iterations=5)
-        values = fit.values
+        values = refit(bench, values, names, iterations=5, rough=rough, tolerance=tolerance).values
     return values
 
 
@@ -103,7 +104,7 @@ def _rms(values: Mapping[str, float], run: Run) -> float:
     return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
 
 
-def tried_on(
+def removed_from(
     recordings: Sequence[Recording],
     without: Mapping[str, float],
     everything: Mapping[str, float],
@@ -112,20 +113,40 @@ def tried_on(
     parts: bool,
     view: View,
     spread: float,
-) -> tuple[float, float]:
-    """Return what a drive removes of another's error in recordings: the share of the square in a view, the ratio of plain rms.
+) -> float:
+    """Return the share of another drive's squared error in a view that a drive removes in recordings.
 
     Rough track and friction that differs from run to run are in both errors, often larger than what is to be proven. Among
     comparable residuals they hardly count; but a cart that rests in one run and moves in the next is no small change, so each
     drive meets every run with that run's own dry friction (:func:`own_friction`).
     """
-    bench = Workbench([prepare(r) for r in recordings], pool, parts=parts)
-    bench.offsets = place(everything, recordings, pool)
+    bench = _placed(recordings, everything, pool, parts=parts)
     absorb(bench, without)
-    both = [_own(bench, values, 0.0 if parts else spread) for values in (without, everything)]
-    before, after = (float(np.sum(bench.seen(view, e) ** 2)) for e in both)
-    plain = [float(np.sqrt(np.sum((e * bench.rows.valid) ** 2))) for e in both]
-    return 1.0 - after / before, plain[1] / plain[0]
+    before, after = (float(np.sum(bench.seen(view, _own(bench, v, spread)) ** 2)) for v in (without, everything))
+    return 1.0 - after / before
+
+
+def plain_ratio(
+    recordings: Sequence[Recording],
+    without: Mapping[str, float],
+    everything: Mapping[str, float],
+    pool: Crew,
+    *,
+    parts: bool,
+    spread: float,
+) -> float:
+    """Return the ratio of plain rms, after over before, each run with its own dry friction as in :func:`removed_from`."""
+    bench = _placed(recordings, everything, pool, parts=parts)
+    bench.weigh(bench.residual(without))
+    both = (np.sum((_own(bench, v, spread) * bench.rows.valid) ** 2) for v in (without, everything))
+    before, after = (float(np.sqrt(square)) for square in both)
+    return after / before
+
+
+def _placed(recordings: Sequence[Recording], values: Mapping[str, float], pool: Crew, *, parts: bool) -> Workbench:
+    bench = Workbench([prepare(r) for r in recordings], pool, parts=parts)
+    bench.offsets = place(values, recordings, pool)
+    return bench
 
 
 def own_rms(
@@ -152,8 +173,7 @@ def own_rms(
 def _own(bench: Workbench, values: Mapping[str, float], spread: float) -> FloatArray:
     if not spread:
         return bench.residual(values)
-    drives = own_friction(bench, values, spread)
-    return np.concatenate(list(bench.pool.map(lambda r: bench.blocks(drives[r], r), range(len(drives)))))
+    return bench.residual(own_friction(bench, values, spread))
 
 
 def own_friction(bench: Workbench, values: Mapping[str, float], spread: float) -> list[dict[str, float]]:

@@ -13,7 +13,7 @@ from flexdrive_gym.recording import FloatArray, Recording
 from identification.methods import rig_parameters
 from identification.mismatch.certainty import between_runs, foretold, is_there, students_t, uncertainty
 from identification.mismatch.crew import Crew
-from identification.mismatch.prove import place, polished, total, tried_on, velocity_fits
+from identification.mismatch.prove import place, plain_ratio, polished, removed_from, total, velocity_fits
 from identification.mismatch.refit import Coordinates, refit, sensitivities
 from identification.mismatch.rounds import Progress
 from identification.mismatch.search import Search, Step
@@ -33,12 +33,18 @@ _WORSE, _LOUD = 0.005, 0.1
 _CERTAIN = 0.25
 # or must lower it by this factor; what explains less than this share must do both
 _BETTER, _SMALL = 0.99, 0.02
+# factor of plain rms on recordings kept away that no chance reaches, however little was learnt
+_ELSEWHERE = 0.95
 # Student's t that few findings by chance reach, and how much worse comparable residuals of recordings kept away may then be
 _STEADY, _OPPOSITE = 2.5, 0.01
+# Student's t of what is there, under whatever name
+_FORETOLD = 2.0
 # share that is much for a second finding, and the same of comparable residuals of recordings kept away
 _MUCH, _MUCH_KEPT = 0.2, 0.05
 # of what effects can explain among comparable residuals, a plain fit must keep this share
 _KEPT = 0.7
+# how often the rest is refitted before that is asked again
+_ITERATIONS = (0, 1, 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +88,14 @@ class Proof:
         seen, plain = self.kept > _PROVEN and not worse, self.ratio < _BETTER
         plain = plain or (self.steady > _STEADY and self.ratio < 1.0 and self.kept > -_OPPOSITE)
         both = seen and plain if self.share <= _SMALL else seen or plain
-        return self.learnt > self.least and both
+        # what is little in the motion it was learnt from may yet decide another motion
+        elsewhere = self.learnt > 0.0 and self.kept > _SMALL and self.ratio < _ELSEWHERE
+        return elsewhere or (self.learnt > self.least and both)
+
+    @property
+    def foretold(self) -> bool:
+        """Whether the recordings learnt from foretell it of one another, whatever those kept away say."""
+        return self.steady > _FORETOLD and self.learnt > self.least
 
     @property
     def plain_beside(self) -> bool:
@@ -165,6 +178,8 @@ class Proving:
         self.free, self.pool, self.say = free, pool, say
         self.searched = searched
         self.bench = Workbench(searched.runs, pool, parts=split.parts)
+        # what was on trial next to no other, and does not stand
+        self.refused: list[Proof] = []
 
     def fitted(self, steps: Sequence[Step], start: Mapping[str, float], judges: Judges) -> Mapping[str, float]:
         """Return the drive with these findings, fitted to what was learnt from; ``start`` has at least their parameters.
@@ -216,8 +231,13 @@ class Proving:
         """Whether effects with the sizes of a plain fit explain less than they can, by more than a share."""
         assert judges.bench is not None
         bare, best = self.compared(judges, (), self.free).cost, self.compared(judges, steps, start).cost
-        plain = refit(judges.bench, values, self.names, iterations=3, view="comparable")
-        return bare - _cost(judges.bench, plain.values) < _KEPT * (bare - best)
+        for iterations in _ITERATIONS:
+            if iterations:
+                values = refit(judges.bench, values, self.names, iterations=iterations, view="comparable").values
+            # a better fit of the rest only adds to what they explain
+            if bare - _cost(judges.bench, values) >= _KEPT * (bare - best):
+                return False
+        return True
 
     def _begin(self, steps: Sequence[Step], start: Mapping[str, float], own: Mapping[str, float]) -> dict[str, float]:
         """Return a drive with effects as in ``start`` and everything else as in ``own``."""
@@ -256,10 +276,16 @@ class Proving:
             steps = [
                 p.step
                 for p in proofs
-                if is_there(p.step.rival.candidate, lenient if p is first or p.plain_beside else drive)
+                if is_there(
+                    p.step.rival.candidate,
+                    lenient if p is first or p.plain_beside else drive,
+                    foretold=p.steady > _STEADY,
+                )
             ]
             if len(steps) == len(proofs):
                 return proofs, free, everything, drive
+            if len(proofs) == 1:
+                self.refused += proofs
 
     def proven(
         self, found: Search, steps: Sequence[Step], judges: Judges
@@ -276,6 +302,8 @@ class Proving:
             failed = [p for p in proofs if not p.holds]
             if not failed:
                 return proofs, free, self.fitted(steps, start, judges)
+            if len(proofs) == 1:
+                self.refused += proofs
             # the one without which recordings kept away are predicted best
             steps.remove(min(failed, key=lambda p: p.before).step)
 
@@ -283,9 +311,11 @@ class Proving:
         """Return whether a finding of the search holds next to those before it, in the round in which it was made."""
         bench = self.searched
         here, bench.offsets = bench.offsets, self._offsets([*steps, step])
-        holds = self.proof(step, steps, start, Judges(None if bench.parts else bench)).holds
+        proof = self.proof(step, steps, start, Judges(None if bench.parts else bench))
         bench.offsets = here
-        return holds
+        if not (proof.holds or steps):
+            self.refused.append(proof)
+        return proof.holds
 
     def judges(self, values: Mapping[str, float]) -> Judges:
         """Return where drives are compared, around a drive."""
@@ -318,27 +348,26 @@ class Proving:
         before, after, _ = total(velocity_fits(without, everything, kept, self.runs, self.pool, held_out=True))
         low, high, _ = total(velocity_fits(without, everything, self.split.learn, self.runs, self.pool, held_out=False))
         plainly, steady = (without, everything), 0.0
+        spread = self.searched.spread.get("friction", 0.0)
         if judges.bench is None or step.view == "weighted":
-            seen, learnt = plainly, self._tried(self.split.learn, plainly, step, spread=0.0)[0]
+            seen, learnt = plainly, self._removed(self.split.learn, plainly, step, 0.0)
         else:
             bare, whole = (self.compared(judges, some, start) for some in both)
             seen, learnt = (bare.drive, whole.drive), 1.0 - whole.cost / bare.cost
             steady = students_t(bare.foretold - whole.foretold)
-        spread = self.searched.spread.get("friction", 0.0)
-        proven, ratio = self._tried(kept, plainly, step, spread=spread)
-        if seen is not plainly:
-            proven, _ = self._tried(kept, seen, step, spread=spread)
+        proven = self._removed(kept, seen, step, spread)
+        parts = self.split.parts
+        ratio = plain_ratio(kept, *plainly, self.pool, parts=parts, spread=0.0 if parts else spread)
         share = max(1.0 - (high / low) ** 2, learnt)
         least = _LEARNT_PLAINLY if judges.bench is None else _LEARNT
         return Proof(step, before, after, share, learnt, proven, ratio, least, steady)
 
-    def _tried(
-        self, recordings: Sequence[Recording], drives: tuple[_Drive, _Drive], step: Step, *, spread: float
-    ) -> tuple[float, float]:
-        without, everything = drives
-        return tried_on(
-            recordings, without, everything, self.pool, parts=self.split.parts, view=step.view, spread=spread
-        )
+    def _removed(
+        self, recordings: Sequence[Recording], drives: tuple[_Drive, _Drive], step: Step, spread: float
+    ) -> float:
+        parts = self.split.parts
+        own = 0.0 if parts else spread
+        return removed_from(recordings, *drives, self.pool, parts=parts, view=step.view, spread=own)
 
     def final(self, values: Mapping[str, float], steps: Sequence[Step], *, small: bool) -> tuple[Drive, Drive]:
         """Return the drive fitted to all open-loop recordings, with intervals by leaving one out at a time, and by scores alone.

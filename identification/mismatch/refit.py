@@ -144,6 +144,7 @@ def refit(
     known: Fit | None = None,
     tolerance: float = 1e-4,
     view: View = "weighted",
+    rough: bool = False,
 ) -> Fit:
     """Fit the named parameters, starting from ``values``.
 
@@ -155,6 +156,8 @@ def refit(
         A fit of some of these parameters, whose sensitivities serve for the others.
     view
         In which the squared error is made least.
+    rough
+        Whether it is enough to come near: then sensitivities need not be made anew before the fit ends.
     """
     c = Coordinates(names, values)
     z = np.clip(c.of(values), c.low, c.high)
@@ -170,8 +173,12 @@ def refit(
             if n in place:
                 S[:, i] = known.sensitivity[:, place[n]]
                 moving[i] = fresh is None or n in fresh
-    J = bench.seen(view, S)
-    own = np.flatnonzero(moving)
+    own, kept = np.flatnonzero(moving), np.flatnonzero(~moving)
+    J = np.zeros_like(S)
+    comparable = (
+        np.zeros((len(e), len(kept))) if known is None else known.jacobian[:, [place[c.names[i]] for i in kept]]
+    )
+    J[:, kept] = comparable if view == "comparable" else bench.weighted(S[:, kept])
     part = Coordinates([c.names[i] for i in own], values)
     part.scale, part.low, part.high = c.scale[own], c.low[own], c.high[own]
     renew = True
@@ -212,10 +219,12 @@ def refit(
         gained, z, now, raw, e, cost = cost - cost_new, new, trial, raw_new, e_new, cost_new
         damping = max(damping * 0.2, 1e-6)
         done = gained < tolerance * cost
-        if done and renew:
+        if done and (renew or rough):
             break
         renew = done or known is not None or gained > _FAR * cost
-    return judged(bench, c, z, now, raw, S)
+    if view != "comparable":
+        J[:, kept], J[:, own] = comparable, bench.comparable(S[:, own])
+    return judged(bench, c, z, now, raw, S, J)
 
 
 def _carry(bench: Workbench, S: FloatArray, J: FloatArray, view: View, step: FloatArray, change: FloatArray) -> None:
@@ -234,9 +243,14 @@ def judged(
     values: Mapping[str, float],
     raw: FloatArray,
     sensitivity: FloatArray,
+    jacobian: FloatArray | None = None,
 ) -> Fit:
-    """Return a fit with what it is worth: its comparable residual after a linear step within the bounds."""
-    e, J = bench.comparable(raw), bench.comparable(sensitivity)
+    """Return a fit with what it is worth: its comparable residual after a linear step within the bounds.
+
+    ``jacobian`` is the comparable sensitivity, where it is known already.
+    """
+    e = bench.comparable(raw)
+    J = bench.comparable(sensitivity) if jacobian is None else jacobian
     use = np.array([not _is_shape(n) for n in c.names]) & (np.sum(J**2, axis=0) > 0.0)
     while use.any():
         step, *_ = np.linalg.lstsq(J[:, use], -e, rcond=1e-8)

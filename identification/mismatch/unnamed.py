@@ -8,6 +8,7 @@ import numpy as np
 
 from identification.mismatch.excess import excess
 from identification.mismatch.lines import strongest_line
+from identification.mismatch.proving import Proof
 from identification.mismatch.rounds import LEVEL, Stage
 from identification.mismatch.search import Search, Step, Unlike
 from identification.mismatch.shapes import ALONG_TRACK, WORTH, Shape, likeness
@@ -61,9 +62,13 @@ def _along_the_same(step: Step, shape: Shape) -> bool:
 
 
 def describe(
-    bench: Workbench, found: Search, left: tuple[Shape, Stage] | None, commands: Sequence[float]
+    bench: Workbench,
+    found: Search,
+    left: tuple[Shape, Stage] | None,
+    commands: Sequence[float],
+    refused: Sequence[Proof] = (),
 ) -> Unnamed | None:
-    """Return what no name explains: a name that no two recordings agree about, a shape, a rhythm, more than restlessness.
+    """Return what no name explains: a name that recordings disagree about, a shape, a rhythm, more than restlessness.
 
     Parameters
     ----------
@@ -71,13 +76,15 @@ def describe(
         The shape that no name fits, of :func:`left_unnamed`.
     commands
         Frequency of every recording's command [Hz]; 0 where it does not repeat.
+    refused
+        Names that did not stand, if none does.
     """
     most = max(found.unlike, key=lambda u: u.share, default=None)
     if most is not None and most.share >= WORTH and (left is None or most.share > left[0].predicted):
         return _resembling(most)
     if left is not None:
         return _drawn(bench, *left)
-    return _rhythm(bench, found, commands) or _restless(bench, found)
+    return _rhythm(bench, found, commands) or nearly_named(refused) or _restless(bench, found)
 
 
 def _drawn(bench: Workbench, shape: Shape, stage: Stage) -> Unnamed:
@@ -94,6 +101,22 @@ def _resembling(found: Unlike) -> Unnamed:
         f" (p = {found.disagreement.probability:.2g})"
     )
     return Unnamed(found.disagreement.where, found.share, acts, ((id_, found.likeness),))
+
+
+def nearly_named(proofs: Sequence[Proof]) -> Unnamed | None:
+    """Return what is there by all recordings learnt from, and is not what it was called, for others do not confirm the name."""
+    there = [p for p in proofs if p.foretold]
+    if not there:
+        return None
+    best = max(there, key=lambda p: p.learnt)
+    id_, where = best.step.rival.name
+    acts = (
+        f"what {phrase(id_)} at {where.replace('_', ' ')} would do: recordings foretell it of one another "
+        f"(t = {best.steady:.2g}), but those kept away do not confirm it"
+    )
+    # of what it explains where it was learnt, recordings kept away confirm this part
+    alike = float(np.sqrt(np.clip(best.kept / best.learnt, 0.0, 1.0)))
+    return Unnamed(where, best.learnt, acts, ((id_, alike),))
 
 
 def _rhythm(bench: Workbench, found: Search, commands: Sequence[float]) -> Unnamed | None:

@@ -21,22 +21,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
-from typing import Any, Literal
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from flexdrive_gym.drive.compilation import kernel
 from flexdrive_gym.recording import BoolArray, FloatArray
 from identification.mismatch.crew import Crew
-from identification.output_error import Run, simulate_run
+from identification.output_error import Run
+from identification.together import Together
 
 View = Literal["comparable", "weighted"]
 # columns of a whole catalogue, kept in single precision: what they explain is a share
 Columns = npt.NDArray[np.float32]
 # columns of which a recording is worth a thread
 _MANY = 8
+# tasks per thread that a lab day is split into
+_PARTS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,19 +83,6 @@ def _rows(runs: Sequence[Run]) -> Rows:
             time.append(edges * run.sample_time)
         starts.append(starts[-1] + len(run.keep) * len(edges))
     return Rows(tuple(starts), tuple(blocks), np.concatenate(valid), np.concatenate(cart), np.concatenate(time))
-
-
-@kernel
-def _block_means(measured: Any, simulated: Any, keep: Any, block: int, out: Any) -> None:
-    """Write the means of measured minus simulated over the valid samples of every block; 0 where there are none."""
-    n = len(measured)
-    for b in range(len(out)):
-        total, count = 0.0, 0
-        for i in range(b * block, min((b + 1) * block, n)):
-            if keep[i]:
-                total += measured[i] - simulated[i]
-                count += 1
-        out[b] = total / max(count, 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,6 +132,7 @@ class Workbench:
         self.runs = list(runs)
         self.pool = pool
         self.parts = parts
+        self.together = Together(self.runs)
         self.rows = _rows(self.runs)
         self.weights = self.rows.valid.astype(float)
         self.offsets = np.zeros(len(self.runs))
@@ -167,19 +158,21 @@ class Workbench:
 
     def blocks(self, values: Mapping[str, float], run: int, pushes: FloatArray | None = None) -> FloatArray:
         """Return block means of measured minus simulated velocity of one recording, all carts in a row [mm/s]."""
-        item = self.runs[run]
-        if self.offsets[run] != 0.0:
-            item = replace(item, track=item.track + self.offsets[run])
-        simulation = simulate_run(values, item, pushes=pushes)
-        out = np.empty((len(item.keep), self.rows.blocks[run]))
-        for measured, simulated, keep, row in zip(item.measured, simulation, item.keep, out, strict=True):
-            _block_means(measured, np.ascontiguousarray(simulated), keep, item.block, row)
-        return out.ravel()
+        return self.together.residual(values, self.offsets, run, run + 1, None if pushes is None else [pushes])
 
-    def residual(self, values: Mapping[str, float], *, parallel: bool = True) -> FloatArray:
-        """Return the block residuals of all recordings [mm/s], shape (N,)."""
-        parts = (self.pool.map if parallel else map)(lambda r: self.blocks(values, r), range(len(self.runs)))
-        return np.concatenate(list(parts))
+    def residual(
+        self, values: Mapping[str, float] | Sequence[Mapping[str, float]], *, parallel: bool = True
+    ) -> FloatArray:
+        """Return the block residuals of all recordings [mm/s], shape (N,), of one drive or of one per recording."""
+        if not parallel:
+            return self.together.residual(values, self.offsets)
+        ends = np.linspace(0, len(self.runs), min(len(self.runs), _PARTS * self.pool.threads) + 1).astype(int)
+
+        def some(part: tuple[int, int]) -> FloatArray:
+            drives = values if isinstance(values, Mapping) else values[part[0] : part[1]]
+            return self.together.residual(drives, self.offsets, *part)
+
+        return np.concatenate(list(self.pool.map(some, pairwise(ends))))
 
     def residuals(self, many: Sequence[Mapping[str, float]]) -> FloatArray:
         """Return the block residuals of many drives, shape (N, number of drives)."""
@@ -202,8 +195,7 @@ class Workbench:
         here = self._unpushed(values)
 
         def one(make: Callable[[], Sequence[FloatArray]]) -> FloatArray:
-            force = make()
-            return np.concatenate([self.blocks(values, r, size * force[r]) for r in range(len(self.runs))])
+            return self.together.residual(values, self.offsets, pushes=[size * force for force in make()])
 
         return np.column_stack([(moved - here) / size for moved in self.pool.map(one, pushes)])
 
@@ -218,16 +210,16 @@ class Workbench:
         here = self._unpushed(values)
 
         def one(make: Callable[[], Sequence[Disturbance]]) -> FloatArray:
-            return np.concatenate([self.blocks({**values, **d.changes}, r, d.force) for r, d in enumerate(make())])
+            met = make()
+            drives = [{**values, **d.changes} for d in met]
+            return self.together.residual(drives, self.offsets, pushes=[d.force for d in met])
 
         return np.column_stack([moved - here for moved in self.pool.map(one, days)])
 
     def _unpushed(self, values: Mapping[str, float]) -> FloatArray:
         """Return the residual under forces of zero: what forces change is then no matter of how steps are taken."""
-        runs = range(len(self.runs))
-        return np.concatenate(
-            list(self.pool.map(lambda r: self.blocks(values, r, np.zeros((2, len(self.runs[r].u)))), runs))
-        )
+        nothing = [np.zeros((2, len(run.u))) for run in self.runs]
+        return self.together.residual(values, self.offsets, pushes=nothing)
 
     def weigh(self, residual: FloatArray) -> None:
         """Set weights from the residuals of the present model."""

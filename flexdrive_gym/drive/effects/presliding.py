@@ -25,21 +25,36 @@ from flexdrive_gym.drive.compilation import inlined
 from flexdrive_gym.drive.effects._effect import Effect, Parameter
 
 _SETTLED = 1e-12
+_SMALL = 0.25
+_PER_6, _PER_24, _PER_120, _PER_720, _PER_5040 = 1.0 / 6.0, 1.0 / 24.0, 1.0 / 120.0, 1.0 / 720.0, 1.0 / 5040.0
+_PER_40320, _PER_362880, _PER_3628800 = 1.0 / 40320.0, 1.0 / 362880.0, 1.0 / 3628800.0
 
 
 @inlined
-def _bristle(zeta: float, dx: float, s: float, xs: float) -> float:
-    end = s * xs
-    # neither a cart at rest nor a bristle that is bent as far as it goes moves on, and an exponential takes its time
-    if s == 0.0 or dx == 0.0 or abs(zeta - end) < _SETTLED * xs:
-        return zeta
-    return end + (zeta - end) * np.exp(-s * dx / xs)
+def _decay(a: float) -> float:
+    """Return e^a; what is bent hardly any further within a step, which is the rule, needs no call of the library for it."""
+    if abs(a) > _SMALL:
+        return float(np.exp(a))
+    # the series up to a^10 leaves 6e-15
+    b = a * a
+    c = b * b
+    first, second = (1.0 + a) + b * (0.5 + a * _PER_6), _PER_24 + a * _PER_120 + b * (_PER_720 + a * _PER_5040)
+    return first + c * (second + c * (_PER_40320 + a * _PER_362880 + b * _PER_3628800))
+
+
+@inlined
+def _bristle(bent: float, dx: float, s: float, xs: float) -> float:
+    """Return the bristle's deflection after a way, in units of the longest."""
+    # neither a cart at rest nor a bristle that is bent as far as it goes moves on
+    if s == 0.0 or dx == 0.0 or abs(bent - s) < _SETTLED:
+        return bent
+    return s + (bent - s) * _decay(-s * dx / xs)
 
 
 def _cart(f: float, x: float, v: float, s: float, dx: float, t: float, z: Any, oz: int, p: Any, o: int) -> float:
     if p[o] == 0.0:
         return f
-    return f - p[o] * _bristle(z[oz], dx, s, p[o + 1]) / p[o + 1]
+    return f - p[o] * _bristle(z[oz], dx, s, p[o + 1])
 
 
 def _finish(w: int, dx: float, s: float, u: float, dt: float, z: Any, oz: int, p: Any, o: int) -> int:
@@ -50,7 +65,7 @@ def _finish(w: int, dx: float, s: float, u: float, dt: float, z: Any, oz: int, p
 
 def _begin(w: int, v: float, v1: float, v2: float, u: float, z: Any, oz: int, p: Any, o: int) -> int:
     # a cart that is already sliding has its bristles bent
-    z[oz] = p[o + 1] if v > 0.0 else -p[o + 1] if v < 0.0 else 0.0
+    z[oz] = 1.0 if v > 0.0 else -1.0 if v < 0.0 else 0.0
     return w
 
 

@@ -28,7 +28,11 @@ from tests.identification.mismatch.lab import SHORT, short_day, workbench
         (0.015, 0.015, 0.03, 0.98, True),
         (0.015, 0.015, -0.1, 0.98, False),
         (0.05, 0.05, 0.001, 1.001, False),
-        (0.05, 0.001, 0.03, 0.9, False),
+        (0.05, 0.001, 0.03, 0.96, False),
+        # a spring that hardens is little in the motion it was learnt from
+        (0.0043, 0.0043, 0.042, 0.84, True),
+        (0.0043, 0.0043, 0.042, 0.97, False),
+        (0.0043, 0.0043, 0.01, 0.84, False),
     ],
 )
 def test_what_is_small_must_be_plain_in_recordings_kept_away(share, learnt, kept, ratio, holds):
