@@ -78,17 +78,17 @@ def uncertainty(
     return intervals, Covariance(tuple(c.names), covariance * np.outer(gain, gain))
 
 
-def is_there(candidate: Candidate, drive: Drive, *, foretold: bool = False) -> bool:
+def is_there(candidate: Candidate, drive: Drive, *, certain: bool = False) -> bool:
     """Whether an effect's sizes in a drive differ from none, and its shape from the bound at which it is another effect.
 
-    What recordings foretell of one another (``foretold``) is not asked for its size again: in a fit of everything, friction and
-    all, the size may stand where no residual compares it.
+    Sizes that are ``certain`` from elsewhere are not asked for again: in a fit of everything, friction and all, they may stand where
+    no residual compares them.
     """
-    return (foretold or _differs(candidate, drive)) and not _vanishes(candidate, drive)
+    return (certain or differs(candidate, drive)) and not _vanishes(candidate, drive)
 
 
-def _differs(candidate: Candidate, drive: Drive) -> bool:
-    """Whether the sizes of an effect together differ from none, by Hotelling's test at 5 % with the recordings as sample."""
+def differs(candidate: Candidate, drive: Drive, level: float = 0.05) -> bool:
+    """Whether the sizes of an effect together differ from none, by Hotelling's test with the recordings as sample."""
     if drive.covariance is None:
         return True
     names = drive.covariance.names
@@ -99,7 +99,7 @@ def _differs(candidate: Candidate, drive: Drive) -> bool:
     i = [names.index(k) for k in sizes]
     away = np.array([drive[k] - LAYOUT[k].parameter.null for k in sizes])
     distance = float(away @ np.linalg.pinv(drive.covariance.matrix[np.ix_(i, i)], hermitian=True) @ away)
-    return distance > k * (n - 1) / (n - k) * float(snedecor.ppf(0.95, k, n - k))
+    return distance > k * (n - 1) / (n - k) * float(snedecor.ppf(1.0 - level, k, n - k))
 
 
 def _vanishes(candidate: Candidate, drive: Drive) -> bool:

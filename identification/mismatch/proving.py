@@ -11,7 +11,7 @@ import numpy as np
 from flexdrive_gym import Drive, Provenance, __version__
 from flexdrive_gym.recording import FloatArray, Recording
 from identification.methods import rig_parameters
-from identification.mismatch.certainty import between_runs, foretold, is_there, students_t, uncertainty
+from identification.mismatch.certainty import between_runs, differs, foretold, is_there, students_t, uncertainty
 from identification.mismatch.crew import Crew
 from identification.mismatch.prove import place, plain_ratio, polished, removed_from, total, velocity_fits
 from identification.mismatch.refit import Coordinates, refit, sensitivities
@@ -39,6 +39,8 @@ _ELSEWHERE = 0.95
 _STEADY, _OPPOSITE = 2.5, 0.01
 # Student's t of what is there, under whatever name
 _FORETOLD = 2.0
+# how seldom chance may make the size of a finding, where it is seen
+_SIZED = 0.01
 # share that is much for a second finding, and the same of comparable residuals of recordings kept away
 _MUCH, _MUCH_KEPT = 0.2, 0.05
 # of what effects can explain among comparable residuals, a plain fit must keep this share
@@ -124,11 +126,14 @@ class Compared:
         Squared error of the recordings learnt from.
     foretold : ndarray, shape (runs,)
         That of every recording, when the others foretell it.
+    sizes
+        The same drive with intervals, by leaving out one recording at a time.
     """
 
     drive: _Drive
     cost: float
     foretold: FloatArray
+    sizes: Drive
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,13 +284,19 @@ class Proving:
                 if is_there(
                     p.step.rival.candidate,
                     lenient if p is first or p.plain_beside else drive,
-                    foretold=p.steady > _STEADY,
+                    certain=p.steady > _STEADY or ((p is first or p.plain_beside) and self._sized(p.step, steps, judges)),
                 )
             ]
             if len(steps) == len(proofs):
                 return proofs, free, everything, drive
             if len(proofs) == 1:
                 self.refused += proofs
+
+    def _sized(self, step: Step, steps: Sequence[Step], judges: Judges) -> bool:
+        """Whether a finding's sizes differ from none where it was seen, among comparable residuals."""
+        if judges.bench is None or step.view == "weighted":
+            return False
+        return differs(step.rival.candidate, judges.compared[_names(steps)].sizes, _SIZED)
 
     def proven(
         self, found: Search, steps: Sequence[Step], judges: Judges
@@ -336,7 +347,11 @@ class Proving:
             keys = [k for s in steps for k in keys_of(s)]
             fit = refit(bench, begin, [*self.names, *keys], iterations=4, view="comparable")
             e = bench.comparable(bench.residual(fit.values))
-            judges.compared[names] = Compared(fit.values, float(e @ e), foretold(bench, fit.jacobian, e))
+            covariance = between_runs(bench, fit.jacobian, e, left_out=True)
+            intervals, found = uncertainty(Coordinates(fit.names, begin), fit.values, covariance, len(bench.runs))
+            whence = Provenance("compared", tuple(run.name for run in bench.runs), __version__)
+            sizes = Drive(fit.values, intervals, found, whence)
+            judges.compared[names] = Compared(fit.values, float(e @ e), foretold(bench, fit.jacobian, e), sizes)
         return judges.compared[names]
 
     def proof(self, step: Step, others: Sequence[Step], start: Mapping[str, float], judges: Judges) -> Proof:
