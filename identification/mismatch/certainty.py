@@ -81,8 +81,8 @@ def uncertainty(
 def is_there(candidate: Candidate, drive: Drive, *, certain: bool = False) -> bool:
     """Whether an effect's sizes in a drive differ from none, and its shape from the bound at which it is another effect.
 
-    Sizes that are ``certain`` from elsewhere are not asked for again: in a fit of everything, friction and all, they may stand where
-    no residual compares them.
+    Sizes that are ``certain`` from elsewhere are not asked for again: in a fit of everything, friction and all, they may stand
+    where no residual compares them.
     """
     return (certain or differs(candidate, drive)) and not _vanishes(candidate, drive)
 

@@ -37,6 +37,8 @@ _BETTER, _SMALL = 0.99, 0.02
 _ELSEWHERE = 0.95
 # Student's t that few findings by chance reach, and how much worse comparable residuals of recordings kept away may then be
 _STEADY, _OPPOSITE = 2.5, 0.01
+# of what it removes where it was learnt: what makes comparable residuals of recordings kept away worse by this part is not proven
+_AGAINST = 0.5
 # Student's t of what is there, under whatever name
 _FORETOLD = 2.0
 # how seldom chance may make the size of a finding, where it is seen
@@ -87,7 +89,8 @@ class Proof:
         learnt from foretells of the others stands, too, if it lowers the plain rms there and shows no opposite effect.
         """
         worse = self.ratio - 1.0 > _WORSE + _LOUD * self.kept and self.kept < _CERTAIN
-        seen, plain = self.kept > _PROVEN and not worse, self.ratio < _BETTER
+        opposite = self.kept <= -max(_OPPOSITE, _AGAINST * self.learnt)
+        seen, plain = self.kept > _PROVEN and not worse, self.ratio < _BETTER and not opposite
         plain = plain or (self.steady > _STEADY and self.ratio < 1.0 and self.kept > -_OPPOSITE)
         both = seen and plain if self.share <= _SMALL else seen or plain
         # what is little in the motion it was learnt from may yet decide another motion
@@ -284,7 +287,8 @@ class Proving:
                 if is_there(
                     p.step.rival.candidate,
                     lenient if p is first or p.plain_beside else drive,
-                    certain=p.steady > _STEADY or ((p is first or p.plain_beside) and self._sized(p.step, steps, judges)),
+                    certain=p.steady > _STEADY
+                    or ((p is first or p.plain_beside) and self._sized(p.step, steps, judges)),
                 )
             ]
             if len(steps) == len(proofs):

@@ -22,6 +22,8 @@ from identification.mismatch.workbench import View, Workbench
 from identification.output_error import PHYSICS_S
 
 _STEP = 2e-3
+# factors of the step where a parameter does nothing within it
+_LONGER = (1.0, 10.0, 100.0)
 # a step that gains more than this share went too far for sensitivities to be carried along it
 _FAR = 0.05
 # rate of an effect, times a step of the physics, beyond which it is not followed
@@ -122,16 +124,31 @@ def _scale(name: str, start: Mapping[str, float]) -> float:
 def sensitivities(
     bench: Workbench, coordinates: Coordinates, z: FloatArray, values: Mapping[str, float], here: FloatArray
 ) -> FloatArray:
-    """Return the derivative of the raw block residual with respect to the coordinates, shape (N, k) [mm/s]."""
-    step = np.where(coordinates.log, _STEP, 5.0 * _STEP)
-    # away from a bound
-    step = np.where(z + step > coordinates.high, -step, step)
-    shifted = []
-    for i in range(len(z)):
-        moved = z.copy()
-        moved[i] += step[i]
-        shifted.append(coordinates.to(moved, values))
-    return (bench.residuals(shifted) - here[:, None]) / step
+    """Return the derivative of the raw block residual with respect to the coordinates, shape (N, k) [mm/s].
+
+    What holds a cart at rest may be somewhat more or less without any change; the slope is then taken over a longer step.
+    """
+    S = np.zeros((len(here), len(z)))
+    columns = list(range(len(z)))
+    for longer in _LONGER:
+        step = longer * np.where(coordinates.log, _STEP, 5.0 * _STEP)
+        # away from a bound
+        step = np.where(z + step > coordinates.high, -step, step)
+        shifted = []
+        for i in columns:
+            moved = z.copy()
+            moved[i] += step[i]
+            shifted.append(coordinates.to(moved, values))
+        S[:, columns] = (bench.residuals(shifted) - here[:, None]) / step[columns]
+        columns = [i for i in columns if not S[:, i].any() and _holds(coordinates.names[i])]
+        if not columns:
+            break
+    return S
+
+
+def _holds(name: str) -> bool:
+    """Whether a parameter is the size of what holds a cart at rest."""
+    return name in LAYOUT and LAYOUT[name].parameter.role == "size" and "breakaway" in LAYOUT[name].effect.hooks
 
 
 def refit(

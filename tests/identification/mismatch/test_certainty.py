@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from flexdrive_gym import Drive
+from flexdrive_gym import Covariance, Drive, Provenance
 from identification.mismatch.candidates import catalogue
-from identification.mismatch.certainty import between_runs, foretold, is_there, students_t
+from identification.mismatch.certainty import between_runs, differs, foretold, is_there, students_t
 from tests.drive.drives import RIG
 
 
@@ -44,3 +44,16 @@ def test_what_one_recording_alone_shows_is_not_steady():
     assert students_t(np.array([1.0, 1.2, 0.9, 1.1])) > 10.0
     assert students_t(np.array([4.0, 0.0, 0.1, -0.1])) < 1.1
     assert students_t(np.ones(1)) == 0.0
+
+
+def test_a_size_that_is_certain_elsewhere_is_not_asked_for_again_but_its_shape_is():
+    values = {**RIG, "presliding.cart_2.fd": 0.02, "presliding.cart_2.xs": 0.05}
+    candidate = next(c for c in catalogue() if c.name == ("presliding", "cart_2"))
+    names = ("presliding.cart_2.fd", "presliding.cart_2.xs")
+    spread = Covariance(names, np.diag([0.02**2, 0.001**2]))
+    whence = Provenance("values", tuple("abcdefghi"))
+    for interval, is_it in (((0.03, 0.2), True), ((0.013, 0.035), False)):
+        drive = Drive(values, {"presliding.cart_2.xs": interval}, spread, whence)
+        assert not differs(candidate, drive)
+        assert not is_there(candidate, drive)
+        assert is_there(candidate, drive, certain=True) is is_it

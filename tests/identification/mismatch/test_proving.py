@@ -29,6 +29,9 @@ from tests.identification.mismatch.lab import SHORT, short_day, workbench
         (0.015, 0.015, -0.1, 0.98, False),
         (0.05, 0.05, 0.001, 1.001, False),
         (0.05, 0.001, 0.03, 0.96, False),
+        # lower plain rms alone will do, unless comparable residuals are plainly against it
+        (0.132, 0.132, -0.05, 0.9887, True),
+        (0.066, 0.012, -0.0135, 0.985, False),
         # a spring that hardens is little in the motion it was learnt from
         (0.0043, 0.0043, 0.042, 0.84, True),
         (0.0043, 0.0043, 0.042, 0.97, False),

@@ -1,11 +1,14 @@
 """A refit finds what is there, and goes nowhere that cannot be simulated."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
 from flexdrive_gym.drive.parameters import fastest
 from identification.mismatch import refit as module
 from identification.mismatch.crew import Crew
-from identification.mismatch.refit import refit
+from identification.mismatch.refit import Coordinates, refit, sensitivities
 from identification.output_error import PHYSICS_S
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import short_day, workbench
@@ -32,3 +35,15 @@ def test_a_motor_that_is_not_there_is_not_followed_to_nothing(bench, monkeypatch
 def test_a_wrong_mass_is_put_right(bench):
     found = refit(bench, {**RIG, "m2": 1.3 * RIG["m2"]}, ("m2",))
     assert found.values["m2"] == pytest.approx(RIG["m2"], rel=0.02)
+
+
+def test_what_holds_a_cart_has_a_slope_beyond_a_plateau():
+    """A command that jumps releases a cart at any level between two of its values; a small step sees nothing of that."""
+
+    def residuals(drives):
+        return np.column_stack([np.full(3, np.floor(50.0 * d["breakaway.cart_1.extra"])) for d in drives])
+
+    values = {**RIG, "breakaway.cart_1.extra": 0.405}
+    c = Coordinates(["breakaway.cart_1.extra"], values)
+    here = residuals([values])[:, 0]
+    assert sensitivities(SimpleNamespace(residuals=residuals), c, c.of(values), values, here).all()
