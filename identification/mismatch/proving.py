@@ -99,8 +99,8 @@ class Proof:
 
     @property
     def foretold(self) -> bool:
-        """Whether the recordings learnt from foretell it of one another, whatever those kept away say."""
-        return self.steady > _FORETOLD and self.learnt > self.least
+        """Whether recordings foretell it of one another and those kept away show it, be its name right or not."""
+        return self.steady > _FORETOLD and self.learnt > self.least and self.kept > _PROVEN
 
     @property
     def plain_beside(self) -> bool:

@@ -104,7 +104,7 @@ def _resembling(found: Unlike) -> Unnamed:
 
 
 def nearly_named(proofs: Sequence[Proof]) -> Unnamed | None:
-    """Return what is there by all recordings learnt from, and is not what it was called, for others do not confirm the name."""
+    """Return what all recordings show where they are compared, but what its name does not describe well enough to be proven."""
     there = [p for p in proofs if p.foretold]
     if not there:
         return None
@@ -112,7 +112,7 @@ def nearly_named(proofs: Sequence[Proof]) -> Unnamed | None:
     id_, where = best.step.rival.name
     acts = (
         f"what {phrase(id_)} at {where.replace('_', ' ')} would do: recordings foretell it of one another "
-        f"(t = {best.steady:.2g}), but those kept away do not confirm it"
+        f"(t = {best.steady:.2g}), but it does not lower the plain error of those kept away"
     )
     # of what it explains where it was learnt, recordings kept away confirm this part
     alike = float(np.sqrt(np.clip(best.kept / best.learnt, 0.0, 1.0)))

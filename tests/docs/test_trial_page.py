@@ -171,3 +171,15 @@ def test_what_decision_24_mends(number, tmp_path):
     make_case(tmp_path / "recordings", tmp_path / "truth.json", trial.seed, trial.kind, trial.size, trial.effect)
     found = {(f.id, f.where) for f in diagnose(tmp_path / "recordings", seed=trial.seed).findings}
     assert found == {(e["id"], e["where"]) for e in outcome["truth"]["effects"]}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [69, 158])
+def test_what_decision_25_mends(number, tmp_path):
+    """A breakaway whose level changes nothing where commands jump, and a spring that hardens beside a late encoder."""
+    outcome = found_in(ROOT / "docs/trial/seed_6")[number]
+    assert any(c.named == "missed" for c in judge(outcome).concealed)
+    trial = Trial(**outcome["trial"])
+    make_case(tmp_path / "recordings", tmp_path / "truth.json", trial.seed, trial.kind, trial.size, trial.effect)
+    found = {(f.id, f.where) for f in diagnose(tmp_path / "recordings", seed=trial.seed).findings}
+    assert found == {(e["id"], e["where"]) for e in outcome["truth"]["effects"]}

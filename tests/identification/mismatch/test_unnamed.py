@@ -25,6 +25,6 @@ def test_of_some_refused_names_the_one_that_explains_most_is_the_nearest():
     assert nearly_named(names).nearest[0][0] == "stribeck"
 
 
-@pytest.mark.parametrize(("learnt", "steady"), [(0.06, 1.3), (0.004, 3.0)])
-def test_what_chance_may_have_made_is_not_said(learnt, steady):
-    assert nearly_named([refused(("dead_zone", "actuator"), learnt, 0.02, steady)]) is None
+@pytest.mark.parametrize(("learnt", "kept", "steady"), [(0.06, 0.02, 1.3), (0.004, 0.02, 3.0), (0.022, -0.006, 2.4)])
+def test_what_chance_may_have_made_is_not_said(learnt, kept, steady):
+    assert nearly_named([refused(("dead_zone", "actuator"), learnt, kept, steady)]) is None
