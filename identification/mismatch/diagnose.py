@@ -26,7 +26,7 @@ from identification.mismatch.search import Search, Step, search
 from identification.mismatch.settle import settle
 from identification.mismatch.spatial import periods
 from identification.mismatch.split import Split, split_recordings
-from identification.mismatch.unnamed import describe, left_unnamed
+from identification.mismatch.unnamed import describe, left_unnamed, shown_again
 from identification.mismatch.verdict import (
     Diagnosis,
     Estimate,
@@ -211,8 +211,12 @@ class _Diagnosing:
             # what is left is then what there was before any name
             found = self.nothing_named(found)
             left, _ = left_unnamed(found)
+        again = None
+        if left is None and not (proofs or split.parts):
+            shown = shown_again(found, split.prove, self.names, self.pool)
+            left, again = shown or (None, None)
         commands = [r.excitation.frequency for r in split.learn]
-        unnamed = describe(self.bench, found, left, commands, () if proofs else proving.refused)
+        unnamed = describe(self.bench, found, left, commands, () if proofs else proving.refused, again)
         return Diagnosis(
             verdict=_verdict(findings, unnamed, proof),
             faults=tuple(f for r in self.runs for f in r.faults),
@@ -272,11 +276,11 @@ class _Diagnosing:
                     ties,
                     experiment_for(id_) or None if ties else None,
                     proof.share,
-                    step.probability,
+                    proof.probability,
                     proof.before,
                     proof.after,
                     "mm/s",
-                    statement(id_, where, parameters, proof.share, step.probability, ties),
+                    statement(id_, where, parameters, proof.share, proof.probability, ties),
                 )
             )
         return tuple(sorted(result, key=lambda f: -f.share_of_error_explained))

@@ -120,7 +120,7 @@ def removed_from(
     comparable residuals they hardly count; but a cart that rests in one run and moves in the next is no small change, so each
     drive meets every run with that run's own dry friction (:func:`own_friction`).
     """
-    bench = _placed(recordings, everything, pool, parts=parts)
+    bench = placed(recordings, everything, pool, parts=parts)
     absorb(bench, without)
     before, after = (float(np.sum(bench.seen(view, _own(bench, v, spread)) ** 2)) for v in (without, everything))
     return 1.0 - after / before
@@ -136,14 +136,15 @@ def plain_ratio(
     spread: float,
 ) -> float:
     """Return the ratio of plain rms, after over before, each run with its own dry friction as in :func:`removed_from`."""
-    bench = _placed(recordings, everything, pool, parts=parts)
+    bench = placed(recordings, everything, pool, parts=parts)
     bench.weigh(bench.residual(without))
     both = (np.sum((_own(bench, v, spread) * bench.rows.valid) ** 2) for v in (without, everything))
     before, after = (float(np.sqrt(square)) for square in both)
     return after / before
 
 
-def _placed(recordings: Sequence[Recording], values: Mapping[str, float], pool: Crew, *, parts: bool) -> Workbench:
+def placed(recordings: Sequence[Recording], values: Mapping[str, float], pool: Crew, *, parts: bool) -> Workbench:
+    """Return the workbench of recordings, each where along the track a drive says that it began."""
     bench = Workbench([prepare(r) for r in recordings], pool, parts=parts)
     bench.offsets = place(values, recordings, pool)
     return bench

@@ -12,14 +12,15 @@ from flexdrive_gym import Drive, Provenance, __version__
 from flexdrive_gym.recording import FloatArray, Recording
 from identification.methods import rig_parameters
 from identification.mismatch.certainty import between_runs, differs, foretold, is_there, students_t, uncertainty
+from identification.mismatch.comes_again import SELDOM, Again, comes_again
 from identification.mismatch.crew import Crew
 from identification.mismatch.prove import place, plain_ratio, polished, removed_from, total, velocity_fits
 from identification.mismatch.refit import Coordinates, refit, sensitivities
-from identification.mismatch.rounds import Progress
+from identification.mismatch.rounds import LEVEL, Progress
 from identification.mismatch.search import Search, Step
 from identification.mismatch.settle import absorb, settle
 from identification.mismatch.split import Split
-from identification.mismatch.workbench import Workbench
+from identification.mismatch.workbench import View, Workbench
 from identification.output_error import prepare
 from identification.topology import Topology
 
@@ -38,11 +39,15 @@ _ELSEWHERE = 0.95
 # Student's t that few findings by chance reach, and how much worse comparable residuals of recordings kept away may then be
 _STEADY, _OPPOSITE = 2.5, 0.01
 # of what it removes where it was learnt: what makes comparable residuals of recordings kept away worse by this part is not proven
-_AGAINST = 0.5
-# Student's t of what is there, under whatever name
-_FORETOLD = 2.0
+SELDOMST = 0.5
+# Student's t of what is there, under whatever name; and of what recordings kept away show plainly
+_FORETOLD, _FORETELLING = 2.0, 1.0
 # how seldom chance may make the size of a finding, where it is seen
 _SIZED = 0.01
+# how seldom chance may do as much in the search and point along what comes again
+_TOGETHER = 0.001
+# what chance reaches too often in the search must explain this much more than the least
+_MORE = 2.0
 # share that is much for a second finding, and the same of comparable residuals of recordings kept away
 _MUCH, _MUCH_KEPT = 0.2, 0.05
 # of what effects can explain among comparable residuals, a plain fit must keep this share
@@ -69,6 +74,8 @@ class Proof:
         What ``learnt`` must be at least.
     steady
         Student's t of what it removes of each recording learnt from, when both drives are foretold by the other recordings.
+    again
+        How much of what it foretells recordings kept away show, in every view; empty if that was not asked.
     """
 
     step: Step
@@ -80,16 +87,52 @@ class Proof:
     ratio: float
     least: float = _LEARNT
     steady: float = 0.0
+    again: Mapping[View, Again] = field(default_factory=dict)
+
+    @property
+    def suspected(self) -> bool:
+        """Whether chance would reach it in the search too often for a finding, so that recordings kept away decide."""
+        return self.step.probability > LEVEL
+
+    @property
+    def probability(self) -> float:
+        """False-alarm probability: of the search, and for what was only suspected there of both together (R. A. Fisher)."""
+        if not self.suspected:
+            return self.step.probability
+        both = self.step.probability * min(self.again.values(), key=lambda a: a.probability).probability
+        return both * (1.0 - float(np.log(both)))
 
     @property
     def holds(self) -> bool:
-        """Whether the finding stands: among comparable residuals of recordings kept away, or plainly there; small ones, both.
+        """Whether the finding stands on recordings kept away."""
+        if self.suspected:
+            return (
+                self._better
+                and self.learnt > _MORE * self.least
+                and self._comes_again(_TOGETHER / self.step.probability)
+            )
+        return self._better or self.certain
+
+    @property
+    def certain(self) -> bool:
+        """Whether recordings kept away show what was foretold as large as it was, and those learnt from foretell it, too."""
+        return self.steady > _FORETELLING and self._comes_again(SELDOM)
+
+    def _comes_again(self, level: float) -> bool:
+        seen = self.again.get(self.step.view)
+        if seen is None or self.learnt <= self.least or self.kept <= 0.0:
+            return False
+        return seen.probability <= level and seen.as_large and not any(a.too_small for a in self.again.values())
+
+    @property
+    def _better(self) -> bool:
+        """Whether it is better among comparable residuals of recordings kept away, or plainly there; if it is small, both.
 
         What is small is let through by chance once in a while: many are tried. Few recordings are kept away: what every recording
         learnt from foretells of the others stands, too, if it lowers the plain rms there and shows no opposite effect.
         """
         worse = self.ratio - 1.0 > _WORSE + _LOUD * self.kept and self.kept < _CERTAIN
-        opposite = self.kept <= -max(_OPPOSITE, _AGAINST * self.learnt)
+        opposite = self.kept <= -max(_OPPOSITE, SELDOMST * self.learnt)
         seen, plain = self.kept > _PROVEN and not worse, self.ratio < _BETTER and not opposite
         plain = plain or (self.steady > _STEADY and self.ratio < 1.0 and self.kept > -_OPPOSITE)
         both = seen and plain if self.share <= _SMALL else seen or plain
@@ -100,7 +143,9 @@ class Proof:
     @property
     def foretold(self) -> bool:
         """Whether recordings foretell it of one another and those kept away show it, be its name right or not."""
-        return self.steady > _FORETOLD and self.learnt > self.least and self.kept > _PROVEN
+        seen = self.again.get(self.step.view)
+        sure = self.steady > _FORETOLD or (self.steady > 0.0 and seen is not None and seen.probability <= SELDOM)
+        return sure and self.learnt > self.least and self.kept > _PROVEN
 
     @property
     def plain_beside(self) -> bool:
@@ -288,6 +333,7 @@ class Proving:
                     p.step.rival.candidate,
                     lenient if p is first or p.plain_beside else drive,
                     certain=p.steady > _STEADY
+                    or p.certain
                     or ((p is first or p.plain_beside) and self._sized(p.step, steps, judges)),
                 )
             ]
@@ -328,7 +374,7 @@ class Proving:
         here, bench.offsets = bench.offsets, self._offsets([*steps, step])
         proof = self.proof(step, steps, start, Judges(None if bench.parts else bench))
         bench.offsets = here
-        if not (proof.holds or steps):
+        if not (proof.holds or proof.suspected or steps):
             self.refused.append(proof)
         return proof.holds
 
@@ -379,7 +425,13 @@ class Proving:
         ratio = plain_ratio(kept, *plainly, self.pool, parts=parts, spread=0.0 if parts else spread)
         share = max(1.0 - (high / low) ** 2, learnt)
         least = _LEARNT_PLAINLY if judges.bench is None else _LEARNT
-        return Proof(step, before, after, share, learnt, proven, ratio, least, steady)
+        proof = Proof(step, before, after, share, learnt, proven, ratio, least, steady)
+        if judges.bench is None or not self.split.prove or learnt <= least or proven <= 0.0:
+            return proof
+        if proof.holds and not proof.suspected:
+            return proof
+        keys = [k for s in others for k in keys_of(s)]
+        return replace(proof, again=comes_again(kept, *seen, [*self.names, *keys], self.pool))
 
     def _removed(
         self, recordings: Sequence[Recording], drives: tuple[_Drive, _Drive], step: Step, spread: float

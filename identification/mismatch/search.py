@@ -12,15 +12,17 @@ from identification.mismatch.along_track import place_shapes
 from identification.mismatch.candidates import look_alikes
 from identification.mismatch.chance import chance, null_residuals
 from identification.mismatch.refit import Fit
-from identification.mismatch.rounds import LEVEL, Progress, Rival, Stage, Starts, passes, stage
+from identification.mismatch.rounds import LEAST_GAIN, LEVEL, Progress, Rival, Stage, Starts, passes, stage
 from identification.mismatch.settle import settle
 from identification.mismatch.shapes import WORTH, Shape, free_shapes
-from identification.mismatch.surroundings import dry_level, is_dry_friction
+from identification.mismatch.surroundings import differs_anyway, dry_level
 from identification.mismatch.workbench import View, Workbench
 from identification.topology import Topology
 
 # once something is certainly left out, which effect it is is decided among all that chance would reach more rarely than this
 PLAUSIBLE = 0.1
+# what chance would reach more rarely than this is suspected: recordings kept away decide
+SUSPICIOUS = 0.15
 # rivals closer than this in gain, or not plainly worse in the paired recordings, are ties
 TIE_LEVEL, TIE_GAIN = 0.05, 0.98
 # friction along the track whose rms is below this share of the drive, or of the cart's dry friction, is the roughness that every
@@ -189,7 +191,8 @@ def _around(bench: Workbench, last: Stage, model: Fit, rng: np.random.Generator)
 def _most_unlike(bench: Workbench, last: Stage, steps: Sequence[Step]) -> Unlike | None:
     """Return the step about whose size the recordings disagree most, if they do by more than chance makes them.
 
-    That levels of dry friction differ from run to run says nothing.
+    That levels of dry friction differ from run to run says nothing, nor that constant forces do: a track has a slope where a
+    run began.
     """
     found: list[Unlike] = []
     left = 1.0
@@ -197,7 +200,7 @@ def _most_unlike(bench: Workbench, last: Stage, steps: Sequence[Step]) -> Unlike
         # of the error that is left in the end
         left /= max(1.0 - step.rival.gain, 1e-3)
         explained = step.rival.gain * left
-        sizes = [k for k, _ in step.rival.candidate.sizes if k in last.before.names and not is_dry_friction(k)]
+        sizes = [k for k, _ in step.rival.candidate.sizes if k in last.before.names and not differs_anyway(k)]
         if not sizes:
             continue
         own = disagreement(bench, last.before, last.null, sizes, step.view)
@@ -219,9 +222,13 @@ def _without(bench: Workbench, model: Fit, gone: Step, others: Sequence[Step], t
 
 def _proven(now: Stage, drive_level: float, steps: Sequence[Step], stands: Stands) -> Step | None:
     """Return the best finding of a round that holds on recordings kept away, if one of the first does."""
-    rivals = now.rivals
+    rivals, suspicious = now.rivals, False
     for _ in range(MOST_TRIED):
         best = _choose(replace(now, rivals=rivals), drive_level)
+        # what was refused by itself is no ground for suspicion
+        suspicious = suspicious or (best is None and len(rivals) == len(now.rivals))
+        if best is None and suspicious:
+            best = _suspect(replace(now, rivals=rivals), drive_level)
         if best is None:
             return None
         ties = [r for r in rivals if r is not best and (_ties(now, r, best) or _as_good(r, best))]
@@ -260,6 +267,17 @@ def _choose(now: Stage, drive_level: float) -> Rival | None:
     # of what cannot be told apart, the explanation with the fewest numbers
     equals = [r for r in likely if r is best or _ties(now, r, best)]
     return min(equals, key=lambda r: (len(r.fit.names), -r.gain))
+
+
+def _suspect(now: Stage, drive_level: float) -> Rival | None:
+    """Return the best of all that chance would not reach too often, though too often to be taken up by itself.
+
+    If that is a rough track, or repeats along it, nothing is suspected.
+    """
+    best = max((r for r in now.rivals if r.probability <= SUSPICIOUS), key=lambda r: r.gain, default=None)
+    if best is None or best.candidate.period is not None or best.gain < LEAST_GAIN:
+        return None
+    return None if _rough(best, drive_level) or best.candidate.vanishes(best.fit.values) else best
 
 
 def _ties(now: Stage, rival: Rival, best: Rival) -> bool:

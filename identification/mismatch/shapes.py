@@ -10,7 +10,7 @@ follows the measured velocity would steer the model after the rig and explain ev
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -101,7 +101,7 @@ class _Motion:
 
 def free_shapes(bench: Workbench, model: Fit) -> list[Shape]:
     """Return every free shape's gain on the present model, the one that predicts best first."""
-    forces = list(bench.pool.map(lambda run: _motion(model, run), bench.runs))
+    forces = list(bench.pool.map(lambda run: _motion(model.values, run), bench.runs))
     present = orthonormal(model.jacobian)
     e = model.residual - present @ (present.T @ model.residual)
     families = [f for cart in range(len(forces[0].v)) for f in _families(forces, cart)]
@@ -119,6 +119,15 @@ def free_shapes(bench: Workbench, model: Fit) -> list[Shape]:
     return sorted(shapes, key=lambda s: -s.predicted)
 
 
+def pushed_by(bench: Workbench, values: Mapping[str, float], shape: Shape) -> FloatArray:
+    """Return what a shape's force changes in the residual of any recordings of its rig [mm/s], shape (N,)."""
+    motions = list(bench.pool.map(lambda run: _motion(values, run), bench.runs))
+    cart = int(shape.where[-1]) - 1
+    along, sign = next((x, s) for c, name, x, s in _families(motions, cart) if (c, name) == (cart, shape.variable))
+    push = [_push(cart, np.interp(x, shape.knots, shape.force) * s) for x, s in zip(along, sign, strict=True)]
+    return bench.pushed(values, [lambda: push], 1.0)[:, 0]
+
+
 def likeness(bench: Workbench, shape: Shape, screened: Sequence[Screened]) -> list[tuple[str, float]]:
     """Return the names nearest to what a shape explains, with |cosine|, most alike first."""
     f: FloatArray = np.asarray(shape.screened.basis @ shape.screened.sizes, dtype=np.float64)
@@ -130,8 +139,8 @@ def likeness(bench: Workbench, shape: Shape, screened: Sequence[Screened]) -> li
     return sorted(best.items(), key=lambda item: -item[1])
 
 
-def _motion(model: Fit, run: Run) -> _Motion:
-    v: FloatArray = np.array(simulate_run(model.values, run))
+def _motion(values: Mapping[str, float], run: Run) -> _Motion:
+    v: FloatArray = np.array(simulate_run(values, run))
     t: FloatArray = np.arange(len(run.u), dtype=np.float64) * run.sample_time
     return _Motion(t, run.u, v)
 

@@ -32,6 +32,8 @@ _LEAST_LEVEL_V = 0.05
 # dry friction of a cart: in motion, and besides at rest or nearly
 _SLIDING = ("d{0}", "presliding.cart_{0}.fd")
 _AT_REST = ("stribeck.cart_{0}.extra", "breakaway.cart_{0}.extra")
+# forces that are constant while a cart moves one way
+_CONSTANT = ("input_offset.u0", "tilt.F", "coulomb_asymmetry.cart_{0}.a")
 
 Forces = Callable[[], Sequence[FloatArray]]
 
@@ -76,9 +78,9 @@ def dry_level(values: Mapping[str, float], c: int) -> float:
     return max(sum(values.get(key.format(c + 1), 0.0) for key in _SLIDING), _LEAST_LEVEL_V)
 
 
-def is_dry_friction(key: str) -> bool:
-    """Whether a parameter is a level of dry friction, which differs from run to run on every rig."""
-    return any(key == own.format(c) for own in (*_SLIDING, *_AT_REST) for c in (1, 2))
+def differs_anyway(key: str) -> bool:
+    """Whether a parameter is a level of dry friction or a constant force, which differ from run to run on every rig."""
+    return any(key == own.format(c) for own in (*_SLIDING, *_AT_REST, *_CONSTANT) for c in (1, 2))
 
 
 def rubbed(values: Mapping[str, float], factors: Sequence[float]) -> dict[str, float]:

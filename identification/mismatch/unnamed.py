@@ -6,6 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from flexdrive_gym.recording import Recording
+from identification.mismatch.comes_again import SELDOM, Again, shape_comes_again
+from identification.mismatch.crew import Crew
 from identification.mismatch.excess import excess
 from identification.mismatch.lines import strongest_line
 from identification.mismatch.proving import Proof
@@ -17,6 +20,8 @@ from identification.mismatch.workbench import Workbench
 
 # a free shape must explain this much more than all names together to be called unnamed in their place
 _SHAPE_LEAD = 1.6
+# a smaller shape counts if recordings kept away show it, too, and it predicts this share of the error
+_SMALL = 0.005
 # a line in the spectrum must explain this share of the error
 _LINE_SHARE = 0.05
 # names of forces that stand on the track, and the carts on which they act
@@ -55,6 +60,27 @@ def _left_beside(found: Search, steps: Sequence[Step]) -> tuple[tuple[Shape, Sta
     return None, ()
 
 
+def shown_again(
+    found: Search, recordings: Sequence[Recording], names: Sequence[str], pool: Crew
+) -> tuple[tuple[Shape, Stage], Again] | None:
+    """Return a free shape that is too small to be reported by itself, if recordings kept away show it, too.
+
+    Parameters
+    ----------
+    recordings
+        Those kept away.
+    names
+        Parameters of the free drive.
+    """
+    stage = found.stages[0]
+    small = [s for s in found.first_shapes if s.probability <= LEVEL and s.variable != ALONG_TRACK]
+    best = max(small, key=lambda s: s.predicted, default=None)
+    if best is None or best.predicted < _SMALL or not recordings:
+        return None
+    again = shape_comes_again(recordings, stage.before.values, best, names, pool)["comparable"]
+    return ((best, stage), again) if again.probability <= SELDOM else None
+
+
 def _along_the_same(step: Step, shape: Shape) -> bool:
     """Whether a name is a force along the track on the cart of a shape that is one, too."""
     id_, _ = step.rival.name
@@ -67,6 +93,7 @@ def describe(
     left: tuple[Shape, Stage] | None,
     commands: Sequence[float],
     refused: Sequence[Proof] = (),
+    again: Again | None = None,
 ) -> Unnamed | None:
     """Return what no name explains: a name that recordings disagree about, a shape, a rhythm, more than restlessness.
 
@@ -78,19 +105,22 @@ def describe(
         Frequency of every recording's command [Hz]; 0 where it does not repeat.
     refused
         Names that did not stand, if none does.
+    again
+        What recordings kept away show of a small shape.
     """
     most = max(found.unlike, key=lambda u: u.share, default=None)
     if most is not None and most.share >= WORTH and (left is None or most.share > left[0].predicted):
         return _resembling(most)
     if left is not None:
-        return _drawn(bench, *left)
+        return _drawn(bench, *left, again)
     return _rhythm(bench, found, commands) or nearly_named(refused) or _restless(bench, found)
 
 
-def _drawn(bench: Workbench, shape: Shape, stage: Stage) -> Unnamed:
+def _drawn(bench: Workbench, shape: Shape, stage: Stage, again: Again | None) -> Unnamed:
     nearest = likeness(bench, shape, stage.screened)
     curve = Curve(shape.variable, shape.knots, shape.force, shape.band)
-    return Unnamed(shape.where, shape.predicted, shape.sentence, tuple(nearest[:3]), curve)
+    too = f"; it is small, but recordings kept away show it, too (p = {again.probability:.2g})" if again else ""
+    return Unnamed(shape.where, shape.predicted, shape.sentence + too, tuple(nearest[:3]), curve)
 
 
 def _resembling(found: Unlike) -> Unnamed:
@@ -110,10 +140,17 @@ def nearly_named(proofs: Sequence[Proof]) -> Unnamed | None:
         return None
     best = max(there, key=lambda p: p.learnt)
     id_, where = best.step.rival.name
-    acts = (
-        f"what {phrase(id_)} at {where.replace('_', ' ')} would do: recordings foretell it of one another "
-        f"(t = {best.steady:.2g}), but it does not lower the plain error of those kept away"
-    )
+    resembles = f"what {phrase(id_)} at {where.replace('_', ' ')} would do: "
+    seen = best.again.get(best.step.view)
+    if seen is not None and seen.probability <= LEVEL:
+        acts = (
+            resembles + f"recordings kept away show it (p = {seen.probability:.2g}), but {seen.size:.2g} times as large"
+        )
+    else:
+        acts = resembles + (
+            f"recordings foretell it of one another (t = {best.steady:.2g}), "
+            "but it does not lower the plain error of those kept away"
+        )
     # of what it explains where it was learnt, recordings kept away confirm this part
     alike = float(np.sqrt(np.clip(best.kept / best.learnt, 0.0, 1.0)))
     return Unnamed(where, best.learnt, acts, ((id_, alike),))

@@ -1,14 +1,19 @@
 """What is found must be seen in recordings kept away, each with its own friction."""
 
+import math
 from types import SimpleNamespace
 
 import pytest
 
+from identification.mismatch.comes_again import Again
 from identification.mismatch.crew import Crew
 from identification.mismatch.prove import own_friction
 from identification.mismatch.proving import Proof
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import SHORT, short_day, workbench
+
+# a finding that chance would hardly reach in the search, seen among comparable residuals
+STEP = SimpleNamespace(probability=0.008, view="comparable")
 
 
 @pytest.mark.parametrize(
@@ -39,7 +44,7 @@ from tests.identification.mismatch.lab import SHORT, short_day, workbench
     ],
 )
 def test_what_is_small_must_be_plain_in_recordings_kept_away(share, learnt, kept, ratio, holds):
-    assert Proof(SimpleNamespace(), 8.0, 8.0, share, learnt, kept, ratio).holds is holds
+    assert Proof(STEP, 8.0, 8.0, share, learnt, kept, ratio).holds is holds
 
 
 def test_every_run_is_met_with_its_own_friction():
@@ -60,7 +65,7 @@ def test_every_run_is_met_with_its_own_friction():
     [(3.2, -0.003, 0.991, True), (1.2, -0.003, 0.991, False), (3.2, -0.003, 1.002, False), (3.2, -0.05, 0.995, False)],
 )
 def test_what_all_recordings_learnt_from_foretell_stands_if_those_kept_away_do_not_object(steady, kept, ratio, holds):
-    assert Proof(SimpleNamespace(), 8.0, 8.0, 0.03, 0.03, kept, ratio, steady=steady).holds is holds
+    assert Proof(STEP, 8.0, 8.0, 0.03, 0.03, kept, ratio, steady=steady).holds is holds
 
 
 @pytest.mark.parametrize(
@@ -75,4 +80,47 @@ def test_what_all_recordings_learnt_from_foretell_stands_if_those_kept_away_do_n
     ],
 )
 def test_a_second_name_is_plain_by_what_it_explains_what_it_predicts_or_how_steadily(share, kept, steady, plain):
-    assert Proof(SimpleNamespace(), 8.0, 8.0, share, share, kept, 0.98, steady=steady).plain_beside is plain
+    assert Proof(STEP, 8.0, 8.0, share, share, kept, 0.98, steady=steady).plain_beside is plain
+
+
+@pytest.mark.parametrize(
+    ("kept", "steady", "comparable", "weighted", "holds"),
+    [
+        # as large as foretold, though rough tracks hide it among plain residuals
+        (0.02, 1.4, Again(0.83, 0.12, 0.004), Again(-0.2, 0.9, 0.57), True),
+        # chance points as much along it
+        (0.02, 1.4, Again(0.83, 0.12, 0.03), Again(-0.2, 0.9, 0.57), False),
+        # plainly there, but not the size of it: it only resembles what is
+        (0.02, 1.4, Again(1.9, 0.3, 0.004), Again(0.9, 0.3, 0.1), False),
+        (0.02, 1.4, Again(0.9, 0.3, 0.004), Again(-0.2, 0.35, 0.7), False),
+        # comparable residuals grow
+        (-0.05, 1.4, Again(1.05, 0.38, 0.008), Again(0.5, 0.67, 0.2), False),
+        # recordings learnt from do not foretell it of one another
+        (0.046, -1.7, Again(1.16, 0.16, 0.004), Again(0.43, 0.62, 0.25), False),
+    ],
+)
+def test_what_comes_again_as_large_as_it_was_stands(kept, steady, comparable, weighted, holds):
+    again = {"comparable": comparable, "weighted": weighted}
+    assert Proof(STEP, 8.0, 8.0, 0.012, 0.012, kept, 1.03, steady=steady, again=again).holds is holds
+
+
+@pytest.mark.parametrize(
+    ("learnt", "searched", "again", "ratio", "holds"),
+    [
+        (0.015, 0.1, 0.004, 0.9, True),
+        # both together are not seldom enough
+        (0.015, 0.1, 0.02, 0.9, False),
+        (0.015, 0.04, 0.02, 0.9, True),
+        # a suspicion must lower the error of recordings kept away as any finding must, and be more than the least
+        (0.015, 0.1, 0.004, 1.03, False),
+        (0.006, 0.1, 0.004, 0.9, False),
+    ],
+)
+def test_what_is_only_suspected_stands_if_search_and_recordings_kept_away_make_it_certain(
+    learnt, searched, again, ratio, holds
+):
+    step = SimpleNamespace(probability=searched, view="comparable")
+    proof = Proof(step, 8.0, 8.0, learnt, learnt, 0.05, ratio, again={"comparable": Again(0.9, 0.2, again)})
+    assert proof.holds is holds
+    # Fisher's: that a product of two numbers between 0 and 1 is as small
+    assert proof.probability == pytest.approx(searched * again * (1.0 - math.log(searched * again)))

@@ -4,13 +4,14 @@ from types import SimpleNamespace
 
 import pytest
 
+from identification.mismatch.comes_again import Again
 from identification.mismatch.proving import Proof
 from identification.mismatch.unnamed import nearly_named
 
 
-def refused(name, learnt, kept, steady):
-    step = SimpleNamespace(rival=SimpleNamespace(name=name))
-    return Proof(step, 8.0, 8.0, learnt, learnt, kept, 1.01, steady=steady)
+def refused(name, learnt, kept, steady, **again):
+    step = SimpleNamespace(rival=SimpleNamespace(name=name), view="comparable", probability=0.008)
+    return Proof(step, 8.0, 8.0, learnt, learnt, kept, 1.01, steady=steady, again=again)
 
 
 def test_what_recordings_foretell_of_one_another_is_said_though_its_name_does_not_stand():
@@ -18,6 +19,13 @@ def test_what_recordings_foretell_of_one_another_is_said_though_its_name_does_no
     assert (found.where, found.share_of_error) == ("actuator", 0.06)
     assert found.nearest == (("dead_zone", pytest.approx(0.5)),)
     assert "t = 2.4" in found.acts_on
+
+
+def test_what_comes_again_but_not_as_large_only_resembles_its_name():
+    seen = Again(1.93, 0.29, 0.004)
+    proof = refused(("input_offset", "actuator"), 0.0097, 0.0143, 0.3, comparable=seen)
+    assert not proof.holds
+    assert "1.9 times as large" in nearly_named([proof]).acts_on
 
 
 def test_of_some_refused_names_the_one_that_explains_most_is_the_nearest():

@@ -1,0 +1,118 @@
+r"""Does what was found come again in recordings kept away, as large as it was?
+
+A drive with a finding foretells how those recordings differ from a drive without it: :math:`d`, of known shape and size. Their
+residual :math:`\varepsilon` holds :math:`a = d^T \varepsilon / d^T d` of it, both without what a refit of the drive takes
+out: about one if the finding is right, about none if it was chance. The spread of :math:`a`, and how seldom nuisance
+points as much along :math:`d`, are those of random days around the drive without it (:mod:`identification.mismatch.chance`).
+The search chose from a whole catalogue; here nothing is left to choose, so little is enough.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexdrive_gym.recording import FloatArray, Recording
+from identification.mismatch.chance import null_residuals
+from identification.mismatch.crew import Crew
+from identification.mismatch.prove import placed
+from identification.mismatch.refit import Coordinates, sensitivities
+from identification.mismatch.screening import orthonormal
+from identification.mismatch.settle import DRAWS, MODES, absorb
+from identification.mismatch.shapes import Shape, pushed_by
+from identification.mismatch.workbench import Columns, View, Workbench
+
+# seeds of the draws by which nuisance is learnt, and of those that tell chance
+_LEARNT_SEED, _SEED = 21, 22
+# how seldom chance may point along what comes again
+SELDOM = 0.01
+# sizes differ if they do by so many standard deviations, of which this is the least: the first was found with an error, too
+_APART, _LEAST_SPREAD = 2.0, 0.2
+
+
+@dataclass(frozen=True)
+class Again:
+    """How much of what was foretold recordings kept away show.
+
+    Attributes
+    ----------
+    size
+        Of what was foretold: 1 is as large.
+    spread
+        Standard deviation of ``size`` by chance.
+    probability
+        That chance points as much along what was foretold.
+    """
+
+    size: float
+    spread: float
+    probability: float
+
+    @property
+    def too_small(self) -> bool:
+        """Whether it is plainly smaller than foretold."""
+        return 1.0 - self.size > _APART * float(np.hypot(self.spread, _LEAST_SPREAD))
+
+    @property
+    def as_large(self) -> bool:
+        """Whether it may be as large as foretold."""
+        return abs(1.0 - self.size) <= _APART * float(np.hypot(self.spread, _LEAST_SPREAD))
+
+
+def comes_again(
+    recordings: Sequence[Recording],
+    without: Mapping[str, float],
+    everything: Mapping[str, float],
+    names: Sequence[str],
+    pool: Crew,
+) -> dict[View, Again]:
+    """Return how much of a finding comes again in recordings kept away, in every view.
+
+    Parameters
+    ----------
+    without, everything
+        The drive without the finding and with it.
+    names
+        Parameters of the former that a refit may change.
+    """
+    bench = placed(recordings, everything, pool, parts=False)
+    absorb(bench, without)
+    return _in_views(bench, without, names, lambda: bench.residual(without) - bench.residual(everything))
+
+
+def shape_comes_again(
+    recordings: Sequence[Recording], values: Mapping[str, float], shape: Shape, names: Sequence[str], pool: Crew
+) -> dict[View, Again]:
+    """Return how much of a free shape, found beside a drive, comes again in recordings kept away, in every view."""
+    bench = placed(recordings, values, pool, parts=False)
+    absorb(bench, values)
+    return _in_views(bench, values, names, lambda: -pushed_by(bench, values, shape))
+
+
+def _in_views(
+    bench: Workbench, values: Mapping[str, float], names: Sequence[str], foretell: Callable[[], FloatArray]
+) -> dict[View, Again]:
+    raw = bench.residual(values)
+    c = Coordinates(names, values)
+    J = sensitivities(bench, c, c.of(values), values, raw)
+    learnt = null_residuals(bench, values, np.random.default_rng(_LEARNT_SEED), DRAWS)
+    bench.sharpen(learnt, orthonormal(bench.comparable(J)), MODES)
+    null, foretold = null_residuals(bench, values, np.random.default_rng(_SEED)), foretell()
+    return {view: _again(bench, view, J, raw, foretold, null) for view in bench.views}
+
+
+def _again(bench: Workbench, view: View, J: FloatArray, raw: FloatArray, foretold: FloatArray, null: Columns) -> Again:
+    hidden = orthonormal(bench.seen(view, J))
+    e, d, days = (x - hidden @ (hidden.T @ x) for x in (bench.seen(view, y) for y in (raw, foretold, null)))
+    square = float(d @ d)
+    if not square > 0.0:
+        return Again(0.0, float("inf"), 1.0)
+    size = float(e @ d) / square
+    # of every day its shape, as large as what the finding leaves
+    along = (d @ days) / np.maximum(np.linalg.norm(days, axis=0), 1e-300)
+    spread = float(np.linalg.norm(e - size * d) * np.sqrt(np.mean(along**2))) / square
+    # a day turned round is as likely
+    more = np.sum(np.concatenate([along, -along]) >= float(e @ d) / max(float(np.linalg.norm(e)), 1e-300))
+    return Again(size, spread, float((1 + more) / (1 + 2 * len(along))))

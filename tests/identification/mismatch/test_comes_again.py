@@ -1,0 +1,28 @@
+"""What was found is asked of recordings kept away: how much of it they show, and how much chance would."""
+
+import pytest
+
+from identification.mismatch.comes_again import comes_again
+from identification.mismatch.crew import Crew
+from tests.drive.drives import RIG
+from tests.identification.mismatch.lab import SHORT, short_day
+
+NAMES = ("m1", "m2", "b1", "b2", "k", "d1", "d2")
+HARDER = {"hardening_spring.k3": 1e-4}
+
+
+@pytest.mark.parametrize("there", [0.0, 0.5, 1.0])
+def test_recordings_show_as_much_of_a_finding_as_there_is(there):
+    day = short_day({key: there * value for key, value in HARDER.items()})
+    with Crew(2) as pool:
+        again = comes_again(day, RIG, {**RIG, **HARDER}, NAMES, pool)
+    for seen in again.values():
+        assert seen.size == pytest.approx(there, abs=2.5 * seen.spread + 0.05)
+        assert seen.too_small is (there < 1.0)
+        assert (seen.probability < 0.02) is (there > 0.0)
+
+
+def test_what_foretells_nothing_does_not_come_again():
+    with Crew(1) as pool:
+        again = comes_again(short_day(kinds=SHORT[:2]), RIG, dict(RIG), NAMES, pool)
+    assert all(seen.probability == 1.0 for seen in again.values())
