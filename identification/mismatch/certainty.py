@@ -71,6 +71,8 @@ def uncertainty(
 ) -> tuple[dict[str, tuple[float, float]], Covariance]:
     """Return 95 % intervals and the covariance in units of the parameters, from that in the fit's coordinates."""
     gain = np.where(c.log, [values[n] for n in c.names], c.scale)
+    # a limit at infinity, where it limits nothing, has no spread
+    gain = np.where(np.isfinite(gain), gain, 0.0)
     spread = float(student.ppf(0.975, max(n_runs - 1, 1))) * np.sqrt(np.diag(covariance))
     intervals = {
         n: _interval(n, values[n], s, g, log=bool(on)) for n, s, g, on in zip(c.names, spread, gain, c.log, strict=True)

@@ -232,7 +232,8 @@ def refit(
             renew, damping = True, 1e-3
             continue
         if known is None:
-            _carry(bench, S, J, view, new - z, raw_new - raw)
+            # what stays at an infinite null does not move
+            _carry(bench, S, J, view, np.subtract(new, z, out=np.zeros(len(z)), where=new != z), raw_new - raw)
         gained, z, now, raw, e, cost = cost - cost_new, new, trial, raw_new, e_new, cost_new
         damping = max(damping * 0.2, 1e-6)
         done = gained < tolerance * cost

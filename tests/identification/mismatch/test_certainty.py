@@ -7,7 +7,8 @@ import pytest
 
 from flexdrive_gym import Covariance, Drive, Provenance
 from identification.mismatch.candidates import catalogue
-from identification.mismatch.certainty import between_runs, differs, foretold, is_there, students_t
+from identification.mismatch.certainty import between_runs, differs, foretold, is_there, students_t, uncertainty
+from identification.mismatch.refit import Coordinates
 from tests.drive.drives import RIG
 
 
@@ -57,3 +58,10 @@ def test_a_size_that_is_certain_elsewhere_is_not_asked_for_again_but_its_shape_i
         assert not differs(candidate, drive)
         assert not is_there(candidate, drive)
         assert is_there(candidate, drive, certain=True) is is_it
+
+
+def test_a_limit_at_infinity_has_no_spread():
+    values = {**RIG, "saturation.limit": float("inf")}
+    intervals, found = uncertainty(Coordinates(["m1", "saturation.limit"], values), values, 0.01 * np.eye(2), 8)
+    assert intervals["saturation.limit"] == (float("inf"), float("inf"))
+    assert np.array_equal(found.matrix != 0.0, [[True, False], [False, False]])

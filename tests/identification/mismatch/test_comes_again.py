@@ -2,10 +2,12 @@
 
 import pytest
 
-from identification.mismatch.comes_again import comes_again
+from identification.mismatch.comes_again import comes_again, shape_comes_again
 from identification.mismatch.crew import Crew
+from identification.mismatch.settle import settle
+from identification.mismatch.shapes import free_shapes
 from tests.drive.drives import RIG
-from tests.identification.mismatch.lab import SHORT, short_day
+from tests.identification.mismatch.lab import SHORT, short_day, workbench
 
 NAMES = ("m1", "m2", "b1", "b2", "k", "d1", "d2")
 HARDER = {"hardening_spring.k3": 1e-4}
@@ -26,3 +28,15 @@ def test_what_foretells_nothing_does_not_come_again():
     with Crew(1) as pool:
         again = comes_again(short_day(kinds=SHORT[:2]), RIG, dict(RIG), NAMES, pool)
     assert all(seen.probability == 1.0 for seen in again.values())
+
+
+@pytest.mark.parametrize("k3", [0.0, 1e-4])
+def test_a_free_shape_comes_again_if_it_is_a_force_of_the_rig(k3):
+    with Crew(2) as pool:
+        bench = workbench(short_day({"hardening_spring.k3": 1e-4}), pool)
+        shapes = free_shapes(bench, settle(bench, RIG, NAMES))
+        cubic = next(s for s in shapes if (s.where, s.variable) == ("cart_1", "δ"))
+        others = short_day({"hardening_spring.k3": k3}, kinds=(("square", 1.8, 0.8), ("sine", 2.5, 3.0)))
+        seen = shape_comes_again(others, RIG, cubic, NAMES, pool)["comparable"]
+    assert (seen.probability < 0.01) is (k3 > 0.0)
+    assert seen.size == pytest.approx(1.0 if k3 else 0.0, abs=2.5 * seen.spread + 0.1)
