@@ -192,7 +192,8 @@ def _advance(
 ) -> float:
     """Return the velocity after h under a force [V] and dry friction of a level [V]."""
     if p[c + _BRISTLE] > 0.0:
-        peak = level * (1.0 + p[c + _HUMP] / (1.0 + (v / p[c + _VS]) ** 2))
+        peak = level * (1.0 + math.copysign(1.0, v) * p[c + _D_SKEW])
+        peak *= 1.0 + p[c + _HUMP] / (1.0 + (v / p[c + _VS]) ** 2)
         stiff = p[c + _BRISTLE]
         old = bristles[cart]
         new = (old + h * v) / (1.0 + h * abs(v) * stiff / peak)

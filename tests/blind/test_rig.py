@@ -88,6 +88,15 @@ def test_without_friction_energy_stays_and_the_frequency_is_the_springs():
     assert x1 - x2 == pytest.approx(10.0 * np.cos(omega * T), abs=0.02)
 
 
+@pytest.mark.parametrize("contact", [{}, {"bristle1": 0.5}], ids=["rigid", "bristles"])
+def test_one_sided_dry_friction_is_there_with_either_contact(contact):
+    values = {**VALUES, **contact, "d_skew1": 0.4}
+    fast, slow = (run(values, quiet(len(T)), np.full(len(T), side * 2.0)).states[1][-1] for side in (-1.0, 1.0))
+    b, d1, d2 = VALUES["b1"] + VALUES["b2"], VALUES["d1"], VALUES["d2"]
+    assert -b * fast == pytest.approx(2.0 - 0.6 * d1 - d2, rel=0.01)
+    assert b * slow == pytest.approx(2.0 - 1.4 * d1 - d2, rel=0.01)
+
+
 @pytest.mark.parametrize("extra", [{}, {"static1": 0.3}, {"hump2": 0.4}, {"load1": 0.1}], ids=str)
 def test_within_the_friction_band_nothing_ever_creeps(extra):
     states = released(VALUES | extra, 0.95 * 0.25 / 0.096).states
