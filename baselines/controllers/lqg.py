@@ -13,8 +13,9 @@ python-control's.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -79,13 +80,13 @@ def lqg(
 
     Q = np.zeros((n, n))
     Q[2, 2] = 1.0
-    K, _S, _E = control.dlqr(A, B, Q, np.array([[effort]]))
+    K, _S, _E = _solved(control.dlqr, A, B, Q, np.array([[effort]]))
     noise = np.zeros((n + 1, 3))
     noise[1, 0], noise[3, 1] = sample_time / drive["m1"], sample_time / drive["m2"]
     noise[n, 2] = 1.0
     QN = np.diag([0.03**2, 0.03**2, wandering**2])
     RN = np.eye(len(rows)) * _COUNT_NOISE_MM**2
-    _L, P, _E = control.dlqe(Aa, noise, Ca, QN, RN)
+    _L, P, _E = _solved(control.dlqe, Aa, noise, Ca, QN, RN)
     M = P @ Ca.T @ np.linalg.inv(Ca @ P @ Ca.T + RN)
 
     Ar, Br, Cr, Dr = _reference_model(drive, sample_time, n)
@@ -109,6 +110,14 @@ def lqg(
         Abig, Bbig, np.vstack([Cu, np.zeros((1, n + 1 + r))]), np.vstack([Du, np.zeros((1, 3))]), sample_time,
         np.concatenate([Ba[:, 0], np.zeros(r)]), name=name,
     )  # fmt: skip
+
+
+def _solved(solve: Callable[..., Any], *matrices: FloatArray) -> Any:
+    """Return the answer of a Riccati equation; roundoff stops one solver where another one has no trouble."""
+    try:
+        return solve(*matrices)
+    except ArithmeticError:
+        return solve(*matrices, method="scipy")
 
 
 def _family(name: str, sensors: tuple[str, ...]) -> Family:
