@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -94,6 +95,9 @@ def _diagnose(recordings: Path, result: Path, seed: int) -> str | None:
         return f"no answer within {_LONGEST_S / 60:g} minutes"
     if run.returncode == 0:
         return None
+    if run.returncode in (-signal.SIGINT, -signal.SIGTERM):
+        # somebody stopped it: the trial is done again when the study goes on
+        raise KeyboardInterrupt
     return run.stderr.strip().rsplit("\n", maxsplit=1)[-1] or f"ended without a word, status {run.returncode}"
 
 

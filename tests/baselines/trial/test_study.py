@@ -94,6 +94,12 @@ def test_a_diagnosis_that_does_not_end_or_dies_has_failed(monkeypatch, tmp_path)
     assert one._diagnose(tmp_path, tmp_path / "answer.json", 0) == "no answer within 0.001 minutes"
 
 
+def test_a_diagnosis_that_was_stopped_has_not_failed(monkeypatch, tmp_path):
+    monkeypatch.setattr(one, "_python", lambda *_a, **_k: subprocess.CompletedProcess([], -15, "", ""))
+    with pytest.raises(KeyboardInterrupt):
+        one._diagnose(tmp_path, tmp_path / "answer.json", 0)
+
+
 def test_a_truth_that_was_changed_is_noticed(monkeypatch, tmp_path):
     real = one._python
 
