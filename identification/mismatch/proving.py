@@ -16,7 +16,7 @@ from identification.mismatch.comes_again import SELDOM, Again, comes_again
 from identification.mismatch.crew import Crew
 from identification.mismatch.prove import place, plain_ratio, polished, removed_from, total, velocity_fits
 from identification.mismatch.refit import Coordinates, refit, sensitivities
-from identification.mismatch.rounds import LEVEL, Progress
+from identification.mismatch.rounds import Progress
 from identification.mismatch.search import Search, Step
 from identification.mismatch.settle import absorb, settle
 from identification.mismatch.split import Split
@@ -90,14 +90,9 @@ class Proof:
     again: Mapping[View, Again] = field(default_factory=dict)
 
     @property
-    def suspected(self) -> bool:
-        """Whether chance would reach it in the search too often for a finding, so that recordings kept away decide."""
-        return self.step.probability > LEVEL
-
-    @property
     def probability(self) -> float:
         """False-alarm probability: of the search, and for what was only suspected there of both together (R. A. Fisher)."""
-        if not self.suspected:
+        if not self.step.suspected:
             return self.step.probability
         both = self.step.probability * min(self.again.values(), key=lambda a: a.probability).probability
         return both * (1.0 - float(np.log(both)))
@@ -105,7 +100,7 @@ class Proof:
     @property
     def holds(self) -> bool:
         """Whether the finding stands on recordings kept away."""
-        if self.suspected:
+        if self.step.suspected:
             return (
                 self._better
                 and self.learnt > _MORE * self.least
@@ -374,7 +369,7 @@ class Proving:
         here, bench.offsets = bench.offsets, self._offsets([*steps, step])
         proof = self.proof(step, steps, start, Judges(None if bench.parts else bench))
         bench.offsets = here
-        if not (proof.holds or proof.suspected or steps):
+        if not (proof.holds or step.suspected or steps):
             self.refused.append(proof)
         return proof.holds
 
@@ -428,7 +423,7 @@ class Proving:
         proof = Proof(step, before, after, share, learnt, proven, ratio, least, steady)
         if judges.bench is None or not self.split.prove or learnt <= least or proven <= 0.0:
             return proof
-        if proof.holds and not proof.suspected:
+        if proof.holds and not step.suspected:
             return proof
         keys = [k for s in others for k in keys_of(s)]
         return replace(proof, again=comes_again(kept, *seen, [*self.names, *keys], self.pool))

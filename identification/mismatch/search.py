@@ -51,12 +51,15 @@ class Step:
         False-alarm probability.
     view
         In which it was found.
+    suspected
+        Whether nothing in its round was as rare by chance as a finding must be, so that recordings kept away decide.
     """
 
     rival: Rival
     ties: tuple[Rival, ...]
     probability: float
     view: View
+    suspected: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,7 +235,7 @@ def _proven(now: Stage, drive_level: float, steps: Sequence[Step], stands: Stand
         if best is None:
             return None
         ties = [r for r in rivals if r is not best and (_ties(now, r, best) or _as_good(r, best))]
-        step = Step(best, _foremost(ties, best), best.probability, now.view)
+        step = Step(best, _foremost(ties, best), best.probability, now.view, suspicious)
         if stands(steps, step, best.fit.values):
             return step
         rivals = tuple(r for r in rivals if r is not best)

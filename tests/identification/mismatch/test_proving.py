@@ -13,7 +13,7 @@ from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import SHORT, short_day, workbench
 
 # a finding that chance would hardly reach in the search, seen among comparable residuals
-STEP = SimpleNamespace(probability=0.008, view="comparable")
+STEP = SimpleNamespace(probability=0.008, view="comparable", suspected=False)
 
 
 @pytest.mark.parametrize(
@@ -119,8 +119,14 @@ def test_what_comes_again_as_large_as_it_was_stands(kept, steady, comparable, we
 def test_what_is_only_suspected_stands_if_search_and_recordings_kept_away_make_it_certain(
     learnt, searched, again, ratio, holds
 ):
-    step = SimpleNamespace(probability=searched, view="comparable")
+    step = SimpleNamespace(probability=searched, view="comparable", suspected=True)
     proof = Proof(step, 8.0, 8.0, learnt, learnt, 0.05, ratio, again={"comparable": Again(0.9, 0.2, again)})
     assert proof.holds is holds
     # Fisher's: that a product of two numbers between 0 and 1 is as small
     assert proof.probability == pytest.approx(searched * again * (1.0 - math.log(searched * again)))
+
+
+def test_what_is_chosen_beside_something_rarer_is_no_suspicion():
+    """Of what is plainly there the best is taken up, though chance feeds it more often: dry friction of a carriage."""
+    step = SimpleNamespace(probability=0.033, view="comparable", suspected=False)
+    assert Proof(step, 8.0, 8.0, 0.35, 0.35, 0.54, 0.68).holds

@@ -10,7 +10,7 @@ from identification.mismatch.unnamed import nearly_named
 
 
 def refused(name, learnt, kept, steady, **again):
-    step = SimpleNamespace(rival=SimpleNamespace(name=name), view="comparable", probability=0.008)
+    step = SimpleNamespace(rival=SimpleNamespace(name=name), view="comparable", probability=0.008, suspected=False)
     return Proof(step, 8.0, 8.0, learnt, learnt, kept, 1.01, steady=steady, again=again)
 
 
