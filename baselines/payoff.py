@@ -216,7 +216,7 @@ def _made(name: str, drive: Drive, predicted: float | None) -> tuple[LinearContr
     try:
         controller = design(design_name, rig).controller
         ahead = command_ahead(rig, controller, reference()) if name.endswith(AHEAD) else None
-    except (ValueError, ArithmeticError) as error:
+    except ValueError as error:
         raise _RefusedError(str(error)) from error
     return controller, ahead, _plain(analytic(effective(rig, FAMILIES[design_name].reads), controller).gain_margin)
 

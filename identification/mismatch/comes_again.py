@@ -9,7 +9,7 @@ The search chose from a whole catalogue; here nothing is left to choose, so litt
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,14 +18,16 @@ from flexdrive_gym.recording import FloatArray, Recording
 from identification.mismatch.chance import null_residuals
 from identification.mismatch.crew import Crew
 from identification.mismatch.prove import placed
-from identification.mismatch.refit import Coordinates, sensitivities
+from identification.mismatch.refit import with_fresh_sensitivity
 from identification.mismatch.screening import orthonormal
-from identification.mismatch.settle import DRAWS, MODES, absorb
+from identification.mismatch.settle import absorb, sharpen
 from identification.mismatch.shapes import Shape, pushed_by
 from identification.mismatch.workbench import Columns, View, Workbench
 
-# seeds of the draws by which nuisance is learnt, and of those that tell chance
-_LEARNT_SEED, _SEED = 21, 22
+# draws of nuisance to learn from, and principal directions per recording: few recordings must tell much
+_DRAWS, _MODES = 640, 160
+# seed of the draws that tell chance: others than those that nuisance is learnt from
+_SEED = 22
 # how seldom chance may point along what comes again
 SELDOM = 0.01
 # sizes differ if they do by so many standard deviations, of which this is the least: the first was found with an error, too
@@ -53,54 +55,66 @@ class Again:
     @property
     def too_small(self) -> bool:
         """Whether it is plainly smaller than foretold."""
-        return 1.0 - self.size > _APART * float(np.hypot(self.spread, _LEAST_SPREAD))
+        return self._off < -_APART
 
     @property
     def as_large(self) -> bool:
         """Whether it may be as large as foretold."""
-        return abs(1.0 - self.size) <= _APART * float(np.hypot(self.spread, _LEAST_SPREAD))
+        return abs(self._off) <= _APART
+
+    @property
+    def _off(self) -> float:
+        """How far from as large as foretold, in standard deviations."""
+        return (self.size - 1.0) / float(np.hypot(self.spread, _LEAST_SPREAD))
 
 
-def comes_again(
-    recordings: Sequence[Recording],
-    without: Mapping[str, float],
-    everything: Mapping[str, float],
-    names: Sequence[str],
-    pool: Crew,
-) -> dict[View, Again]:
-    """Return how much of a finding comes again in recordings kept away, in every view.
+class KeptAway:
+    """Recordings that neither the search nor a fit saw, asked for what was found without them.
 
     Parameters
     ----------
-    without, everything
-        The drive without the finding and with it.
-    names
-        Parameters of the former that a refit may change.
+    recordings
+        At least one.
     """
-    bench = placed(recordings, everything, pool, parts=False)
-    absorb(bench, without)
-    return _in_views(bench, without, names, lambda: bench.residual(without) - bench.residual(everything))
 
+    def __init__(self, recordings: Sequence[Recording], pool: Crew) -> None:
+        self.recordings, self.pool = recordings, pool
+        # draws around one drive serve for the others
+        self._known: tuple[float, Columns] | None = None
 
-def shape_comes_again(
-    recordings: Sequence[Recording], values: Mapping[str, float], shape: Shape, names: Sequence[str], pool: Crew
-) -> dict[View, Again]:
-    """Return how much of a free shape, found beside a drive, comes again in recordings kept away, in every view."""
-    bench = placed(recordings, values, pool, parts=False)
-    absorb(bench, values)
-    return _in_views(bench, values, names, lambda: -pushed_by(bench, values, shape))
+    def comes_again(
+        self, without: Mapping[str, float], everything: Mapping[str, float], names: Sequence[str]
+    ) -> dict[View, Again]:
+        """Return how much of a finding they show, in every view.
 
+        Parameters
+        ----------
+        without, everything
+            The drive without the finding and with it.
+        names
+            Parameters of the former that a refit may change.
+        """
+        bench = placed(self.recordings, everything, self.pool, parts=False)
+        foretold = bench.residual(without) - bench.residual(everything)
+        return self._in_views(bench, without, names, foretold)
 
-def _in_views(
-    bench: Workbench, values: Mapping[str, float], names: Sequence[str], foretell: Callable[[], FloatArray]
-) -> dict[View, Again]:
-    raw = bench.residual(values)
-    c = Coordinates(names, values)
-    J = sensitivities(bench, c, c.of(values), values, raw)
-    learnt = null_residuals(bench, values, np.random.default_rng(_LEARNT_SEED), DRAWS)
-    bench.sharpen(learnt, orthonormal(bench.comparable(J)), MODES)
-    null, foretold = null_residuals(bench, values, np.random.default_rng(_SEED)), foretell()
-    return {view: _again(bench, view, J, raw, foretold, null) for view in bench.views}
+    def shape_comes_again(self, values: Mapping[str, float], shape: Shape, names: Sequence[str]) -> dict[View, Again]:
+        """Return how much of a free shape, found beside a drive, they show, in every view."""
+        bench = placed(self.recordings, values, self.pool, parts=False)
+        return self._in_views(bench, values, names, -pushed_by(bench, values, shape))
+
+    def _in_views(
+        self, bench: Workbench, values: Mapping[str, float], names: Sequence[str], foretold: FloatArray
+    ) -> dict[View, Again]:
+        absorb(bench, values)
+        model = with_fresh_sensitivity(bench, values, names)
+        bench.known = self._known
+        sharpen(bench, model, _DRAWS, _MODES)
+        self._known = bench.known
+        null = null_residuals(bench, values, np.random.default_rng(_SEED))
+        return {
+            view: _again(bench, view, model.sensitivity, bench.residual(values), foretold, null) for view in bench.views
+        }
 
 
 def _again(bench: Workbench, view: View, J: FloatArray, raw: FloatArray, foretold: FloatArray, null: Columns) -> Again:

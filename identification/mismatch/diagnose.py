@@ -19,14 +19,15 @@ from identification.mismatch.chance import null_residuals
 from identification.mismatch.crew import Crew
 from identification.mismatch.maps import Map, draw_maps, harmonics
 from identification.mismatch.missing_force import MissingForce, missing_force
+from identification.mismatch.proof import Proof
 from identification.mismatch.prove import loop_fits, own_rms, total, velocity_fits
-from identification.mismatch.proving import Proof, Proving, held_of, keys_of
+from identification.mismatch.proving import Proving, held_of, keys_of
 from identification.mismatch.rounds import Progress
 from identification.mismatch.search import Search, Step, search
 from identification.mismatch.settle import settle
 from identification.mismatch.spatial import periods
 from identification.mismatch.split import Split, split_recordings
-from identification.mismatch.unnamed import describe, left_unnamed, shown_again
+from identification.mismatch.unnamed import describe, left_unnamed
 from identification.mismatch.verdict import (
     Diagnosis,
     Estimate,
@@ -211,12 +212,9 @@ class _Diagnosing:
             # what is left is then what there was before any name
             found = self.nothing_named(found)
             left, _ = left_unnamed(found)
-        again = None
-        if left is None and not (proofs or split.parts):
-            shown = shown_again(found, split.prove, self.names, self.pool)
-            left, again = shown or (None, None)
         commands = [r.excitation.frequency for r in split.learn]
-        unnamed = describe(self.bench, found, left, commands, () if proofs else proving.refused, again)
+        nameless = () if proofs else (proving.refused, proving.kept_away)
+        unnamed = describe(self.bench, found, left, commands, *nameless)
         return Diagnosis(
             verdict=_verdict(findings, unnamed, proof),
             faults=tuple(f for r in self.runs for f in r.faults),

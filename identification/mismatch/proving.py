@@ -12,144 +12,25 @@ from flexdrive_gym import Drive, Provenance, __version__
 from flexdrive_gym.recording import FloatArray, Recording
 from identification.methods import rig_parameters
 from identification.mismatch.certainty import between_runs, differs, foretold, is_there, students_t, uncertainty
-from identification.mismatch.comes_again import SELDOM, Again, comes_again
+from identification.mismatch.comes_again import KeptAway
 from identification.mismatch.crew import Crew
+from identification.mismatch.proof import LEARNT, LEARNT_PLAINLY, Proof
 from identification.mismatch.prove import place, plain_ratio, polished, removed_from, total, velocity_fits
 from identification.mismatch.refit import Coordinates, refit, sensitivities
 from identification.mismatch.rounds import Progress
 from identification.mismatch.search import Search, Step
 from identification.mismatch.settle import absorb, settle
 from identification.mismatch.split import Split
-from identification.mismatch.workbench import View, Workbench
+from identification.mismatch.workbench import Workbench
 from identification.output_error import prepare
 from identification.topology import Topology
 
-# a finding must cut the comparable squared error by this share where it was learnt, and by this one in recordings kept away
-_LEARNT, _PROVEN = 0.005, 0.004
-# the former where there is one view only, in which everything is larger
-_LEARNT_PLAINLY = 0.01
-# and must not raise their plain rms, rough track and all, by more than this share, and this much of what it cuts there
-_WORSE, _LOUD = 0.005, 0.1
-# unless it removes this share there, which is plain however much else is missing
-_CERTAIN = 0.25
-# or must lower it by this factor; what explains less than this share must do both
-_BETTER, _SMALL = 0.99, 0.02
-# factor of plain rms on recordings kept away that no chance reaches, however little was learnt
-_ELSEWHERE = 0.95
-# Student's t that few findings by chance reach, and how much worse comparable residuals of recordings kept away may then be
-_STEADY, _OPPOSITE = 2.5, 0.01
-# of what it removes where it was learnt: what makes comparable residuals of recordings kept away worse by this part is not proven
-SELDOMST = 0.5
-# Student's t of what is there, under whatever name; and of what recordings kept away show plainly
-_FORETOLD, _FORETELLING = 2.0, 1.0
 # how seldom chance may make the size of a finding, where it is seen
 _SIZED = 0.01
-# how seldom chance may do as much in the search and point along what comes again
-_TOGETHER = 0.001
-# what chance reaches too often in the search must explain this much more than the least
-_MORE = 2.0
-# share that is much for a second finding, and the same of comparable residuals of recordings kept away
-_MUCH, _MUCH_KEPT = 0.2, 0.05
 # of what effects can explain among comparable residuals, a plain fit must keep this share
 _KEPT = 0.7
 # how often the rest is refitted before that is asked again
 _ITERATIONS = (0, 1, 2)
-
-
-@dataclass(frozen=True, eq=False)
-class Proof:
-    """A finding, and the drive refitted without it against the drive with all.
-
-    Attributes
-    ----------
-    before, after
-        Rms on recordings kept away [mm/s].
-    share
-        Of the squared error of recordings learnt from that it removes, plainly or among comparable residuals, where it is more.
-    learnt, kept
-        Share of the comparable squared error that it removes, in recordings learnt from and kept away.
-    ratio
-        Of plain rms on recordings kept away, after over before, every run with its own dry friction.
-    least
-        What ``learnt`` must be at least.
-    steady
-        Student's t of what it removes of each recording learnt from, when both drives are foretold by the other recordings.
-    again
-        How much of what it foretells recordings kept away show, in every view; empty if that was not asked.
-    """
-
-    step: Step
-    before: float
-    after: float
-    share: float
-    learnt: float
-    kept: float
-    ratio: float
-    least: float = _LEARNT
-    steady: float = 0.0
-    again: Mapping[View, Again] = field(default_factory=dict)
-
-    @property
-    def probability(self) -> float:
-        """False-alarm probability: of the search, and for what was only suspected there of both together (R. A. Fisher)."""
-        if not self.step.suspected:
-            return self.step.probability
-        both = self.step.probability * min(self.again.values(), key=lambda a: a.probability).probability
-        return both * (1.0 - float(np.log(both)))
-
-    @property
-    def holds(self) -> bool:
-        """Whether the finding stands on recordings kept away."""
-        if self.step.suspected:
-            return (
-                self._better
-                and self.learnt > _MORE * self.least
-                and self._comes_again(_TOGETHER / self.step.probability)
-            )
-        return self._better or self.certain
-
-    @property
-    def certain(self) -> bool:
-        """Whether recordings kept away show what was foretold as large as it was, and those learnt from foretell it, too."""
-        return self.steady > _FORETELLING and self._comes_again(SELDOM)
-
-    def _comes_again(self, level: float) -> bool:
-        seen = self.again.get(self.step.view)
-        if seen is None or self.learnt <= self.least or self.kept <= 0.0:
-            return False
-        return seen.probability <= level and seen.as_large and not any(a.too_small for a in self.again.values())
-
-    @property
-    def _better(self) -> bool:
-        """Whether it is better among comparable residuals of recordings kept away, or plainly there; if it is small, both.
-
-        What is small is let through by chance once in a while: many are tried. Few recordings are kept away: what every recording
-        learnt from foretells of the others stands, too, if it lowers the plain rms there and shows no opposite effect.
-        """
-        worse = self.ratio - 1.0 > _WORSE + _LOUD * self.kept and self.kept < _CERTAIN
-        opposite = self.kept <= -max(_OPPOSITE, SELDOMST * self.learnt)
-        seen, plain = self.kept > _PROVEN and not worse, self.ratio < _BETTER and not opposite
-        plain = plain or (self.steady > _STEADY and self.ratio < 1.0 and self.kept > -_OPPOSITE)
-        both = seen and plain if self.share <= _SMALL else seen or plain
-        # what is little in the motion it was learnt from may yet decide another motion
-        elsewhere = self.learnt > 0.0 and self.kept > _SMALL and self.ratio < _ELSEWHERE
-        return elsewhere or (self.learnt > self.least and both)
-
-    @property
-    def foretold(self) -> bool:
-        """Whether recordings foretell it of one another and those kept away show it, be its name right or not."""
-        seen = self.again.get(self.step.view)
-        sure = self.steady > _FORETOLD or (self.steady > 0.0 and seen is not None and seen.probability <= SELDOM)
-        return sure and self.learnt > self.least and self.kept > _PROVEN
-
-    @property
-    def plain_beside(self) -> bool:
-        """Whether it explains much, or is foretold, or at least that while it removes much of recordings kept away.
-
-        What another name's law lacks does none of these.
-        """
-        much = self.kept >= _MUCH_KEPT and self.steady > 1.0
-        return self.share >= _MUCH or much or self.steady > _STEADY
 
 
 _Drive = Mapping[str, float]
@@ -226,6 +107,8 @@ class Proving:
         self.free, self.pool, self.say = free, pool, say
         self.searched = searched
         self.bench = Workbench(searched.runs, pool, parts=split.parts)
+        # parts of one recording share its friction and track
+        self.kept_away = KeptAway(split.prove, pool) if split.prove and not split.parts else None
         # what was on trial next to no other, and does not stand
         self.refused: list[Proof] = []
 
@@ -327,9 +210,7 @@ class Proving:
                 if is_there(
                     p.step.rival.candidate,
                     lenient if p is first or p.plain_beside else drive,
-                    certain=p.steady > _STEADY
-                    or p.certain
-                    or ((p is first or p.plain_beside) and self._sized(p.step, steps, judges)),
+                    certain=p.sized or ((p is first or p.plain_beside) and self._sized(p.step, steps, judges)),
                 )
             ]
             if len(steps) == len(proofs):
@@ -419,14 +300,12 @@ class Proving:
         parts = self.split.parts
         ratio = plain_ratio(kept, *plainly, self.pool, parts=parts, spread=0.0 if parts else spread)
         share = max(1.0 - (high / low) ** 2, learnt)
-        least = _LEARNT_PLAINLY if judges.bench is None else _LEARNT
+        least = LEARNT_PLAINLY if judges.bench is None else LEARNT
         proof = Proof(step, before, after, share, learnt, proven, ratio, least, steady)
-        if judges.bench is None or not self.split.prove or learnt <= least or proven <= 0.0:
-            return proof
-        if proof.holds and not step.suspected:
+        if judges.bench is None or self.kept_away is None or not proof.open:
             return proof
         keys = [k for s in others for k in keys_of(s)]
-        return replace(proof, again=comes_again(kept, *seen, [*self.names, *keys], self.pool))
+        return replace(proof, again=self.kept_away.comes_again(*seen, [*self.names, *keys]))
 
     def _removed(
         self, recordings: Sequence[Recording], drives: tuple[_Drive, _Drive], step: Step, spread: float

@@ -15,7 +15,7 @@ from identification.mismatch.refit import Fit
 from identification.mismatch.rounds import LEAST_GAIN, LEVEL, Progress, Rival, Stage, Starts, passes, stage
 from identification.mismatch.settle import settle
 from identification.mismatch.shapes import WORTH, Shape, free_shapes
-from identification.mismatch.surroundings import differs_anyway, dry_level
+from identification.mismatch.surroundings import differs_between_runs, dry_level
 from identification.mismatch.workbench import View, Workbench
 from identification.topology import Topology
 
@@ -203,7 +203,7 @@ def _most_unlike(bench: Workbench, last: Stage, steps: Sequence[Step]) -> Unlike
         # of the error that is left in the end
         left /= max(1.0 - step.rival.gain, 1e-3)
         explained = step.rival.gain * left
-        sizes = [k for k, _ in step.rival.candidate.sizes if k in last.before.names and not differs_anyway(k)]
+        sizes = [k for k, _ in step.rival.candidate.sizes if k in last.before.names and not differs_between_runs(k)]
         if not sizes:
             continue
         own = disagreement(bench, last.before, last.null, sizes, step.view)
@@ -225,13 +225,12 @@ def _without(bench: Workbench, model: Fit, gone: Step, others: Sequence[Step], t
 
 def _proven(now: Stage, drive_level: float, steps: Sequence[Step], stands: Stands) -> Step | None:
     """Return the best finding of a round that holds on recordings kept away, if one of the first does."""
-    rivals, suspicious = now.rivals, False
+    rivals = now.rivals
+    # that what chance would hardly reach was refused is no ground for suspicion
+    suspicious = _choose(now, drive_level) is None
+    choose = _suspect if suspicious else _choose
     for _ in range(MOST_TRIED):
-        best = _choose(replace(now, rivals=rivals), drive_level)
-        # what was refused by itself is no ground for suspicion
-        suspicious = suspicious or (best is None and len(rivals) == len(now.rivals))
-        if best is None and suspicious:
-            best = _suspect(replace(now, rivals=rivals), drive_level)
+        best = choose(replace(now, rivals=rivals), drive_level)
         if best is None:
             return None
         ties = [r for r in rivals if r is not best and (_ties(now, r, best) or _as_good(r, best))]

@@ -78,7 +78,7 @@ def dry_level(values: Mapping[str, float], c: int) -> float:
     return max(sum(values.get(key.format(c + 1), 0.0) for key in _SLIDING), _LEAST_LEVEL_V)
 
 
-def differs_anyway(key: str) -> bool:
+def differs_between_runs(key: str) -> bool:
     """Whether a parameter is a level of dry friction or a constant force, which differ from run to run on every rig."""
     return any(key == own.format(c) for own in (*_SLIDING, *_AT_REST, *_CONSTANT) for c in (1, 2))
 

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from flexdrive_gym.recording import Recording
-from identification.mismatch.comes_again import SELDOM, Again, shape_comes_again
-from identification.mismatch.crew import Crew
+from identification.mismatch.comes_again import SELDOM, KeptAway
 from identification.mismatch.excess import excess
 from identification.mismatch.lines import strongest_line
-from identification.mismatch.proving import Proof
+from identification.mismatch.proof import FORETOLD, Proof
 from identification.mismatch.rounds import LEVEL, Stage
 from identification.mismatch.search import Search, Step, Unlike
 from identification.mismatch.shapes import ALONG_TRACK, WORTH, Shape, likeness
@@ -60,27 +59,6 @@ def _left_beside(found: Search, steps: Sequence[Step]) -> tuple[tuple[Shape, Sta
     return None, ()
 
 
-def shown_again(
-    found: Search, recordings: Sequence[Recording], names: Sequence[str], pool: Crew
-) -> tuple[tuple[Shape, Stage], Again] | None:
-    """Return a free shape that is too small to be reported by itself, if recordings kept away show it, too.
-
-    Parameters
-    ----------
-    recordings
-        Those kept away.
-    names
-        Parameters of the free drive.
-    """
-    stage = found.stages[0]
-    small = [s for s in found.first_shapes if s.probability <= LEVEL and s.variable != ALONG_TRACK]
-    best = max(small, key=lambda s: s.predicted, default=None)
-    if best is None or best.predicted < _SMALL or not recordings:
-        return None
-    again = shape_comes_again(recordings, stage.before.values, best, names, pool)["comparable"]
-    return ((best, stage), again) if again.probability <= SELDOM else None
-
-
 def _along_the_same(step: Step, shape: Shape) -> bool:
     """Whether a name is a force along the track on the cart of a shape that is one, too."""
     id_, _ = step.rival.name
@@ -93,7 +71,7 @@ def describe(
     left: tuple[Shape, Stage] | None,
     commands: Sequence[float],
     refused: Sequence[Proof] = (),
-    again: Again | None = None,
+    kept_away: KeptAway | None = None,
 ) -> Unnamed | None:
     """Return what no name explains: a name that recordings disagree about, a shape, a rhythm, more than restlessness.
 
@@ -105,22 +83,42 @@ def describe(
         Frequency of every recording's command [Hz]; 0 where it does not repeat.
     refused
         Names that did not stand, if none does.
-    again
-        What recordings kept away show of a small shape.
+    kept_away
+        Recordings for what no name explains; none if a name stands.
     """
     most = max(found.unlike, key=lambda u: u.share, default=None)
     if most is not None and most.share >= WORTH and (left is None or most.share > left[0].predicted):
         return _resembling(most)
     if left is not None:
-        return _drawn(bench, *left, again)
-    return _rhythm(bench, found, commands) or nearly_named(refused) or _restless(bench, found)
+        return _drawn(bench, *left)
+    return (
+        _rhythm(bench, found, commands)
+        or nearly_named(refused)
+        or _shown_again(bench, found, kept_away)
+        or _restless(bench, found)
+    )
 
 
-def _drawn(bench: Workbench, shape: Shape, stage: Stage, again: Again | None) -> Unnamed:
+def _shown_again(bench: Workbench, found: Search, kept_away: KeptAway | None) -> Unnamed | None:
+    """Return a free shape that is too small to be reported by itself, if recordings kept away show it, too."""
+    stage = found.stages[0]
+    small = [s for s in found.first_shapes if s.probability <= LEVEL and s.variable != ALONG_TRACK]
+    best = max(small, key=lambda s: s.predicted, default=None)
+    if best is None or best.predicted < _SMALL or kept_away is None:
+        return None
+    model = stage.before
+    again = kept_away.shape_comes_again(model.values, best, model.names)["comparable"]
+    if again.probability > SELDOM:
+        return None
+    shape = _drawn(bench, best, stage)
+    too = f"; it is small, but recordings kept away show it, too (p = {again.probability:.2g})"
+    return replace(shape, acts_on=shape.acts_on + too)
+
+
+def _drawn(bench: Workbench, shape: Shape, stage: Stage) -> Unnamed:
     nearest = likeness(bench, shape, stage.screened)
     curve = Curve(shape.variable, shape.knots, shape.force, shape.band)
-    too = f"; it is small, but recordings kept away show it, too (p = {again.probability:.2g})" if again else ""
-    return Unnamed(shape.where, shape.predicted, shape.sentence + too, tuple(nearest[:3]), curve)
+    return Unnamed(shape.where, shape.predicted, shape.sentence, tuple(nearest[:3]), curve)
 
 
 def _resembling(found: Unlike) -> Unnamed:
@@ -141,15 +139,16 @@ def nearly_named(proofs: Sequence[Proof]) -> Unnamed | None:
     best = max(there, key=lambda p: p.learnt)
     id_, where = best.step.rival.name
     resembles = f"what {phrase(id_)} at {where.replace('_', ' ')} would do: "
-    seen = best.again.get(best.step.view)
-    if seen is not None and seen.probability <= LEVEL:
-        acts = (
-            resembles + f"recordings kept away show it (p = {seen.probability:.2g}), but {seen.size:.2g} times as large"
-        )
-    else:
+    if best.steady > FORETOLD:
         acts = resembles + (
             f"recordings foretell it of one another (t = {best.steady:.2g}), "
             "but it does not lower the plain error of those kept away"
+        )
+    else:
+        sizes = " and ".join(f"{seen.size:.2g}" for seen in best.again.values())
+        acts = resembles + (
+            f"recordings kept away show it (p = {best.again[best.step.view].probability:.2g}), "
+            f"but {sizes} times as large, by the ways of comparing them"
         )
     # of what it explains where it was learnt, recordings kept away confirm this part
     alike = float(np.sqrt(np.clip(best.kept / best.learnt, 0.0, 1.0)))

@@ -188,22 +188,20 @@ def test_limits_that_were_not_seen_are_now():
     assert f"predict gains that are {said}" in read("docs/trial.md").replace("\n  ", " ")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("number", [29, 37])
-def test_what_decision_24_mends(number, tmp_path):
-    """A sensor without sign, and an encoder's scale beside a spring that hardens: missed in the study, named since."""
-    outcome = found_in(ROOT / "docs/trial/seed_6")[number]
-    assert all(c.named == "missed" for c in judge(outcome).concealed)
-    trial = Trial(**outcome["trial"])
-    make_case(tmp_path / "recordings", tmp_path / "truth.json", trial.seed, trial.kind, trial.size, trial.effect)
-    found = {(f.id, f.where) for f in diagnose(tmp_path / "recordings", seed=trial.seed).findings}
-    assert found == {(e["id"], e["where"]) for e in outcome["truth"]["effects"]}
+# decision, trial of seed 6
+MENDED = [
+    pytest.param(29, id="24-sensor-without-sign"),
+    pytest.param(37, id="24-encoder-scale-beside-hardening-spring"),
+    pytest.param(69, id="25-breakaway-where-commands-jump"),
+    pytest.param(194, id="25-hardening-hidden-by-rough-track"),
+    pytest.param(33, id="26-dead-zone-whose-plain-error-grows"),
+    pytest.param(118, id="26-drag-whose-plain-error-grows"),
+]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [69, 194])
-def test_what_decision_25_mends(number, tmp_path):
-    """A breakaway whose level changes nothing where commands jump, and a spring whose hardening rough track hides."""
+@pytest.mark.parametrize("number", MENDED)
+def test_what_a_decision_mends_was_missed_in_the_study_before_it(number, tmp_path):
     outcome = found_in(ROOT / "docs/trial/seed_6")[number]
     assert any(c.named == "missed" for c in judge(outcome).concealed)
     trial = Trial(**outcome["trial"])
@@ -212,13 +210,16 @@ def test_what_decision_25_mends(number, tmp_path):
     assert found == {(e["id"], e["where"]) for e in outcome["truth"]["effects"]}
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("number", [33, 118])
-def test_what_decision_26_mends(number, tmp_path):
-    """A dead zone and a drag that recordings kept away show as large as foretold, though their plain error grows."""
-    outcome = found_in(ROOT / "docs/trial/seed_6")[number]
-    assert any(c.named == "missed" for c in judge(outcome).concealed)
-    trial = Trial(**outcome["trial"])
-    make_case(tmp_path / "recordings", tmp_path / "truth.json", trial.seed, trial.kind, trial.size, trial.effect)
-    found = {(f.id, f.where) for f in diagnose(tmp_path / "recordings", seed=trial.seed).findings}
-    assert found == {(e["id"], e["where"]) for e in outcome["truth"]["effects"]}
+def test_one_trial_of_all_studies_conceals_one_sided_dry_friction_of_a_cart_with_bristles():
+    """The concealed rigs had left it out there (docs/trial.md)."""
+
+    def unseen(numbers):
+        return any(f"bristle{c}" in numbers and {f"d_skew{c}", f"static{c}"} & set(numbers) for c in (1, 2))
+
+    found = []
+    for folder in STUDIES:
+        for outcome in found_in(folder):
+            numbers = {k for e in outcome["truth"]["effects"] for k in e["parameters"]}
+            if unseen(numbers):
+                found.append((folder.name, outcome["trial"]["number"]))
+    assert found == [("seed_6", 83)]

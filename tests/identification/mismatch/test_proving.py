@@ -7,8 +7,8 @@ import pytest
 
 from identification.mismatch.comes_again import Again
 from identification.mismatch.crew import Crew
+from identification.mismatch.proof import Proof
 from identification.mismatch.prove import own_friction
-from identification.mismatch.proving import Proof
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import SHORT, short_day, workbench
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from identification.mismatch.comes_again import Again
-from identification.mismatch.proving import Proof
+from identification.mismatch.proof import Proof
 from identification.mismatch.unnamed import nearly_named
 
 
