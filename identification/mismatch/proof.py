@@ -95,6 +95,12 @@ class Proof:
         return self.steady > _FORETELLING and self._comes_again(SELDOM)
 
     @property
+    def beside(self) -> bool:
+        """Whether it may stand beside a larger finding, whose law may lack something: as large as foretold, if that was asked."""
+        seen = self.again.get(self.step.view)
+        return seen is None or (seen.probability <= SELDOM and seen.as_large)
+
+    @property
     def sized(self) -> bool:
         """Whether the size of what holds differs from none by what recordings foretell of one another, or by those kept away.
 

@@ -230,6 +230,7 @@ class Proving:
         """Return those of the findings that hold on recordings kept away, the free drive and the diagnosed one.
 
         A finding holds if the drive with all findings predicts those recordings better than the drive refitted without it.
+        What the law of the largest lacks is often taken for a second effect: the others must also come again as foretold.
         """
         free, start = self.fitted((), self.free, judges), found.model.values
         steps = list(steps)
@@ -237,6 +238,10 @@ class Proving:
             self._fit([steps, *([s for s in steps if s is not step] for step in steps)], start, judges)
             proofs = [self.proof(step, [s for s in steps if s is not step], start, judges) for step in steps]
             failed = [p for p in proofs if not p.holds]
+            if not failed:
+                largest = max((p.share for p in proofs), default=0.0)
+                proofs = [p if p.share == largest else self._asked(p, steps, start, judges) for p in proofs]
+                failed = [p for p in proofs if p.share != largest and not p.beside]
             if not failed:
                 return proofs, free, self.fitted(steps, start, judges)
             if len(proofs) == 1:
@@ -288,24 +293,35 @@ class Proving:
         kept = self.split.prove or self.split.learn
         before, after, _ = total(velocity_fits(without, everything, kept, self.runs, self.pool, held_out=True))
         low, high, _ = total(velocity_fits(without, everything, self.split.learn, self.runs, self.pool, held_out=False))
-        plainly, steady = (without, everything), 0.0
-        spread = self.searched.spread.get("friction", 0.0)
+        spread, steady = self.searched.spread.get("friction", 0.0), 0.0
         if judges.bench is None or step.view == "weighted":
-            seen, learnt = plainly, self._removed(self.split.learn, plainly, step, 0.0)
+            learnt = self._removed(self.split.learn, (without, everything), step, 0.0)
         else:
             bare, whole = (self.compared(judges, some, start) for some in both)
-            seen, learnt = (bare.drive, whole.drive), 1.0 - whole.cost / bare.cost
-            steady = students_t(bare.foretold - whole.foretold)
+            learnt, steady = 1.0 - whole.cost / bare.cost, students_t(bare.foretold - whole.foretold)
+        seen = (self._seen(step, others, start, judges), self._seen(step, both[1], start, judges))
         proven = self._removed(kept, seen, step, spread)
         parts = self.split.parts
-        ratio = plain_ratio(kept, *plainly, self.pool, parts=parts, spread=0.0 if parts else spread)
+        ratio = plain_ratio(kept, without, everything, self.pool, parts=parts, spread=0.0 if parts else spread)
         share = max(1.0 - (high / low) ** 2, learnt)
         least = LEARNT_PLAINLY if judges.bench is None else LEARNT
         proof = Proof(step, before, after, share, learnt, proven, ratio, least, steady)
-        if judges.bench is None or self.kept_away is None or not proof.open:
+        return self._asked(proof, both[1], start, judges) if proof.open else proof
+
+    def _asked(self, proof: Proof, steps: Sequence[Step], start: Mapping[str, float], judges: Judges) -> Proof:
+        """Return a finding, one of some, with how much of what it foretells recordings kept away show."""
+        if judges.bench is None or self.kept_away is None or proof.again:
             return proof
-        keys = [k for s in others for k in keys_of(s)]
-        return replace(proof, again=self.kept_away.comes_again(*seen, [*self.names, *keys]))
+        step, others = proof.step, [s for s in steps if s is not proof.step]
+        without, everything = (self._seen(step, some, start, judges) for some in (others, steps))
+        names = [*self.names, *(k for s in others for k in keys_of(s))]
+        return replace(proof, again=self.kept_away.comes_again(without, everything, names))
+
+    def _seen(self, step: Step, steps: Sequence[Step], start: Mapping[str, float], judges: Judges) -> _Drive:
+        """Return the drive with some findings, fitted where one of them is seen."""
+        if judges.bench is None or step.view == "weighted":
+            return self.fitted(steps, start, judges)
+        return self.compared(judges, steps, start).drive
 
     def _removed(
         self, recordings: Sequence[Recording], drives: tuple[_Drive, _Drive], step: Step, spread: float
