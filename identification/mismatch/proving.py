@@ -253,11 +253,15 @@ class Proving:
         """Return whether a finding of the search holds next to those before it, in the round in which it was made."""
         bench = self.searched
         here, bench.offsets = bench.offsets, self._offsets([*steps, step])
-        proof = self.proof(step, steps, start, Judges(None if bench.parts else bench))
+        judges = Judges(None if bench.parts else bench)
+        proof = self.proof(step, steps, start, judges)
+        beside = proof.holds and any(s.rival.gain > step.rival.gain for s in steps)
+        if beside:
+            proof = self._asked(proof, [*steps, step], start, judges)
         bench.offsets = here
         if not (proof.holds or step.suspected or steps):
             self.refused.append(proof)
-        return proof.holds
+        return proof.holds and (proof.beside or not beside)
 
     def judges(self, values: Mapping[str, float]) -> Judges:
         """Return where drives are compared, around a drive."""

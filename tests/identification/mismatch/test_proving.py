@@ -105,6 +105,22 @@ def test_what_comes_again_as_large_as_it_was_stands(kept, steady, comparable, we
 
 
 @pytest.mark.parametrize(
+    ("again", "beside"),
+    [
+        ({"comparable": Again(0.87, 0.04, 0.004), "weighted": Again(0.2, 0.4, 0.3)}, True),
+        # what the law of a larger finding lacks comes again otherwise, or not at all
+        ({"comparable": Again(-0.03, 0.13, 0.61)}, False),
+        ({"comparable": Again(1.74, 0.27, 0.004)}, False),
+        ({"comparable": Again(0.62, 0.28, 0.017)}, False),
+        # one recording leaves none to ask
+        ({}, True),
+    ],
+)
+def test_beside_a_larger_finding_another_must_come_again_as_large_as_foretold(again, beside):
+    assert Proof(STEP, 8.0, 8.0, 0.1, 0.1, 0.1, 0.97, steady=3.0, again=again).beside is beside
+
+
+@pytest.mark.parametrize(
     ("learnt", "searched", "again", "ratio", "holds"),
     [
         (0.015, 0.1, 0.004, 0.9, True),
