@@ -96,9 +96,13 @@ class Proof:
 
     @property
     def beside(self) -> bool:
-        """Whether it may stand beside a larger finding, whose law may lack something: as large as foretold, if that was asked."""
-        seen = self.again.get(self.step.view)
-        return seen is None or (seen.probability <= SELDOM and seen.as_large)
+        """Whether it may stand beside a larger finding, whose law may lack something.
+
+        If it does not explain much, and if that was asked, recordings kept away must show it and not plainly less of it, in one
+        view at least. What they show more of is there, too: two effects bend each other's sizes.
+        """
+        shown = [seen for seen in self.again.values() if seen.probability <= SELDOM and not seen.too_small]
+        return self.share >= _MUCH or not self.again or bool(shown)
 
     @property
     def sized(self) -> bool:

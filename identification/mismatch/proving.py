@@ -230,7 +230,7 @@ class Proving:
         """Return those of the findings that hold on recordings kept away, the free drive and the diagnosed one.
 
         A finding holds if the drive with all findings predicts those recordings better than the drive refitted without it.
-        What the law of the largest lacks is often taken for a second effect: the others must also come again as foretold.
+        What the law of the largest lacks is often taken for a second effect: recordings kept away must show the others, too.
         """
         free, start = self.fitted((), self.free, judges), found.model.values
         steps = list(steps)

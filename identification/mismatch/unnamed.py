@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.mismatch.comes_again import SELDOM, KeptAway
+from identification.mismatch.comes_again import KeptAway
 from identification.mismatch.excess import excess
 from identification.mismatch.lines import strongest_line
 from identification.mismatch.proof import FORETOLD, Proof
@@ -19,8 +19,9 @@ from identification.mismatch.workbench import Workbench
 
 # a free shape must explain this much more than all names together to be called unnamed in their place
 _SHAPE_LEAD = 1.6
-# a smaller shape counts if recordings kept away show it, too, and it predicts this share of the error
-_SMALL = 0.005
+# a smaller shape counts if it predicts this share of the error, and recordings kept away show it as no chance does that was
+# drawn: it is the best of some
+_SMALL, _SELDOM_SHAPED = 0.005, 0.005
 # a line in the spectrum must explain this share of the error
 _LINE_SHARE = 0.05
 # names of forces that stand on the track, and the carts on which they act
@@ -108,7 +109,7 @@ def _shown_again(bench: Workbench, found: Search, kept_away: KeptAway | None) ->
         return None
     model = stage.before
     again = kept_away.shape_comes_again(model.values, best, model.names)["comparable"]
-    if again.probability > SELDOM:
+    if again.probability > _SELDOM_SHAPED or not again.as_large:
         return None
     shape = _drawn(bench, best, stage)
     too = f"; it is small, but recordings kept away show it, too (p = {again.probability:.2g})"

@@ -105,19 +105,24 @@ def test_what_comes_again_as_large_as_it_was_stands(kept, steady, comparable, we
 
 
 @pytest.mark.parametrize(
-    ("again", "beside"),
+    ("share", "again", "beside"),
     [
-        ({"comparable": Again(0.87, 0.04, 0.004), "weighted": Again(0.2, 0.4, 0.3)}, True),
-        # what the law of a larger finding lacks comes again otherwise, or not at all
-        ({"comparable": Again(-0.03, 0.13, 0.61)}, False),
-        ({"comparable": Again(1.74, 0.27, 0.004)}, False),
-        ({"comparable": Again(0.62, 0.28, 0.017)}, False),
+        (0.1, {"comparable": Again(0.87, 0.04, 0.004), "weighted": Again(0.2, 0.4, 0.3)}, True),
+        # one view is enough, and two effects may bend each other's sizes
+        (0.1, {"comparable": Again(0.23, 0.09, 0.008), "weighted": Again(0.76, 0.26, 0.004)}, True),
+        (0.1, {"comparable": Again(1.64, 0.11, 0.004), "weighted": Again(1.68, 0.65, 0.008)}, True),
+        # what the law of a larger finding lacks does not come again, or less, or chance points as much along it
+        (0.1, {"comparable": Again(-0.03, 0.13, 0.61), "weighted": Again(-0.24, 0.13, 0.95)}, False),
+        (0.1, {"comparable": Again(0.23, 0.09, 0.008), "weighted": Again(0.3, 0.1, 0.004)}, False),
+        (0.1, {"comparable": Again(0.62, 0.28, 0.017), "weighted": Again(0.77, 0.62, 0.13)}, False),
+        # what explains much is not what a law lacks
+        (0.24, {"comparable": Again(0.19, 0.08, 0.008), "weighted": Again(0.7, 0.35, 0.033)}, True),
         # one recording leaves none to ask
-        ({}, True),
+        (0.1, {}, True),
     ],
 )
-def test_beside_a_larger_finding_another_must_come_again_as_large_as_foretold(again, beside):
-    assert Proof(STEP, 8.0, 8.0, 0.1, 0.1, 0.1, 0.97, steady=3.0, again=again).beside is beside
+def test_beside_a_larger_finding_another_must_come_again_and_not_plainly_smaller(share, again, beside):
+    assert Proof(STEP, 8.0, 8.0, share, share, 0.1, 0.97, steady=3.0, again=again).beside is beside
 
 
 @pytest.mark.parametrize(
