@@ -188,21 +188,23 @@ def test_limits_that_were_not_seen_are_now():
     assert f"predict gains that are {said}" in read("docs/trial.md").replace("\n  ", " ")
 
 
-# decision, trial of seed 6
+# study, trial; decision
 MENDED = [
-    pytest.param(29, id="24-sensor-without-sign"),
-    pytest.param(37, id="24-encoder-scale-beside-hardening-spring"),
-    pytest.param(69, id="25-breakaway-where-commands-jump"),
-    pytest.param(194, id="25-hardening-hidden-by-rough-track"),
-    pytest.param(33, id="26-dead-zone-whose-plain-error-grows"),
-    pytest.param(118, id="26-drag-whose-plain-error-grows"),
+    pytest.param("seed_6", 29, id="24-sensor-without-sign"),
+    pytest.param("seed_6", 37, id="24-encoder-scale-beside-hardening-spring"),
+    pytest.param("seed_6", 69, id="25-breakaway-where-commands-jump"),
+    pytest.param("seed_6", 194, id="25-hardening-hidden-by-rough-track"),
+    pytest.param("seed_6", 33, id="26-dead-zone-whose-plain-error-grows"),
+    pytest.param("seed_6", 118, id="26-drag-whose-plain-error-grows"),
+    pytest.param("begun_8", 20, id="27-stribeck-that-comes-again-larger"),
+    pytest.param("begun_8", 68, id="27-breakaway-by-another-law"),
 ]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", MENDED)
-def test_what_a_decision_mends_was_missed_in_the_study_before_it(number, tmp_path):
-    outcome = found_in(ROOT / "docs/trial/seed_6")[number]
+@pytest.mark.parametrize(("study", "number"), MENDED)
+def test_what_a_decision_mends_was_missed_in_the_study_before_it(study, number, tmp_path):
+    outcome = found_in(ROOT / "docs/trial" / study)[number]
     assert any(c.named == "missed" for c in judge(outcome).concealed)
     trial = Trial(**outcome["trial"])
     make_case(tmp_path / "recordings", tmp_path / "truth.json", trial.seed, trial.kind, trial.size, trial.effect)
