@@ -87,7 +87,11 @@ def test_where_the_last_study_fell_short():
     ]
     along = [c.named for t in judged for c in t.concealed if c.id == "position_friction" and c.size >= 0.5]
     assert (len(along), along.count("missed")) == (6, 5)
-    assert [(n, kind) for n, kind, id_, _ in missed if id_ == "extra_mode"] == [(14, "pair"), (104, "pair"), (133, "pair")]
+    assert [(n, kind) for n, kind, id_, _ in missed if id_ == "extra_mode"] == [
+        (14, "pair"),
+        (104, "pair"),
+        (133, "pair"),
+    ]
     assert Counter(size for _, kind, _, size in missed if kind == "effect") == {0.5: 5, 1.0: 1, 2.0: 2}
     assert {(n, id_) for n, kind, id_, size in missed if kind == "effect" and size >= 1.0} == {
         (93, "quadratic_drag"),
