@@ -32,8 +32,19 @@ def test_every_figure_is_the_study_s():
     page, readme = read("docs/trial.md"), read("README.md")
     rows = headline(summarise([judge(outcome) for outcome in found_in(LATEST)]))
     for what, value, aim in rows:
-        assert f"| {what} | {value} | {aim} |" in page
+        row = f"| {what} | {value} | {aim} |"
+        assert row in page
+        if f"| {what} |" in readme:
+            assert row in readme
+    found = {what: value.split(" (")[0] for what, value, _ in rows}
     assert rows[0][1] in readme
+    named, _, all_ = found["all trials with a name of nothing concealed"].split()[:3]
+    assert f"Of {all_} lab days {named} have a name of nothing concealed" in readme
+    broken, _, all_ = found["broken encoders found"].split()[:3]
+    assert broken == all_
+    assert f"all {broken} broken encoders are found" in readme
+    inside = found["m1 … d2 of nulls within their 95 % intervals"].split(" = ")[1].rstrip("%")
+    assert f"lie within their 95 % intervals in {inside} %" in readme
     assert f"flexdrive blind --report -o docs/trial/{LATEST.name}" in readme
 
 
@@ -100,6 +111,11 @@ def test_where_the_last_study_fell_short():
     }
     assert [(n, id_) for n, kind, id_, _ in missed if kind == "fault"] == [(20, "motor_gear_backlash")]
     assert judged[20].unnamed
+    unnamed = {n: found[n]["answer"]["diagnosis"]["unnamed"] for n in (184, 185)}
+    assert unnamed[184]["where"] == "cart_1"
+    assert unnamed[184]["acts_on"].startswith("friction against")
+    assert unnamed[185]["nearest"][0]["id"] == "position_friction"
+    assert "recordings kept away show it" in unnamed[185]["acts_on"]
     false = [t for t in judged if t.false_names]
     beside = [t for t in false if t.kind != "outside" and any(c.named != "missed" for c in t.concealed)]
     assert (len(false), len(beside)) == (13, 5)
@@ -128,6 +144,9 @@ def test_one_rig_of_the_last_study_is_unstable_with_every_drive():
     unstable = {n: {r.drive for r in rig.outcomes if not r.stable} for n, rig in paid.items()}
     assert len(paid) == 24
     assert {n: drives for n, drives in unstable.items() if drives} == {195: {"tied", "free", "diagnosed"}}
+    rig = next(o for o in found_in(LATEST) if o["trial"]["number"] == 195)
+    assert [c.named for c in judge(rig).concealed] == ["exact", "exact"]
+    assert any("beyond 13 mm" in n and "go to 12 mm" in n for n in rig["answer"]["diagnosis"]["notes"])
 
 
 def test_with_seed_6_every_design_is_stable():
