@@ -11,10 +11,22 @@ from typing import Any
 import numpy as np
 
 from flexdrive_gym.drive.compilation import called, inlined
-from flexdrive_gym.drive.effects import ANCHOR_1, ANCHOR_2, BEGIN_1, BEGIN_2, BEGIN_T, LAYOUT, PUSH_1, PUSH_2, chain
+from flexdrive_gym.drive.effects import (
+    ANCHOR_1,
+    ANCHOR_2,
+    BEGIN_1,
+    BEGIN_2,
+    BEGIN_T,
+    FLAG,
+    LAYOUT,
+    PUSH_1,
+    PUSH_2,
+    chain,
+)
 
 W1, W2 = 0, 1
 LIMIT = LAYOUT["saturation.limit"].index
+_COMMANDS, _READS_1, _READS_2 = FLAG["command", None], FLAG["reading", "encoder_1"], FLAG["reading", "encoder_2"]
 
 _command_base, _command_full = chain("command", base=True), chain("command", base=False)
 _actuator = chain("actuator", base=False)
@@ -53,7 +65,7 @@ def _commanded_full(u: float, t: float, z: Any, p: Any) -> float:
 @inlined
 def commanded(u: float, t: float, z: Any, p: Any) -> float:
     """Return the force that a command becomes on its way through the actuator, delays and lags apart [V]."""
-    if z is None:
+    if z is None or not z[_COMMANDS] > 0.0:
         return _command_base(u, t, z, 0, p)
     return _commanded_full(u, t, z, p)
 
@@ -194,6 +206,31 @@ def accelerations(
     return (a1 if s1 != 0.0 else 0.0), (a2 if s2 != 0.0 else 0.0)
 
 
+@inlined
+def accelerations_on_carts(
+    x1: float,
+    v1: float,
+    x2: float,
+    v2: float,
+    s1: float,
+    s2: float,
+    u: float,
+    t: float,
+    z: Any,
+    r: int,
+    p: Any,
+) -> tuple[float, float]:
+    """Return what :func:`accelerations` does where no effect beyond the base acts but by forces on the carts."""
+    fs = spring_force(x1 - x2, v1 - v2, None, r, p)
+    f = _cart_1((u - fs) + z[PUSH_1], x1 + z[ANCHOR_1], v1, s1, x1 - z[BEGIN_1], t, z, r, p)
+    g = _cart_2(fs + z[PUSH_2], x2 + z[ANCHOR_2], v2, s2, x2 - z[BEGIN_2], t, z, r, p)
+    f = f - _damping_1_base(0.0, v1, s1, t, None, r, p) * v1
+    g = g - _damping_2_base(0.0, v2, s2, t, None, r, p) * v2
+    a1 = p[W1] * (f - s1 * level_1(x1, v1, s1, fs, t, None, r, p))
+    a2 = p[W2] * (g - s2 * level_2(x2, v2, s2, fs, t, None, r, p))
+    return (a1 if s1 != 0.0 else 0.0), (a2 if s2 != 0.0 else 0.0)
+
+
 @called
 def rates(w: int, x1: float, v1: float, x2: float, v2: float, u: float, t: float, z: Any, r: int, p: Any) -> None:
     """Write the rates of the additional states of the row that begins at r, w entries further on."""
@@ -238,7 +275,7 @@ def _readings_full(
 @inlined
 def readings(x1: float, v1: float, x2: float, v2: float, t: float, h: float, z: Any, p: Any) -> tuple[float, float]:
     """Return the positions that the encoders report [mm], sampled every h."""
-    if z is None:
+    if z is None or not z[_READS_1] + z[_READS_2] > 0.0:
         return _reading_1_base(x1, x1, v1, t, h, z, 0, p), _reading_2_base(x2, x2, v2, t, h, z, 0, p)
     return _readings_full(x1, v1, x2, v2, t, h, z, p)
 

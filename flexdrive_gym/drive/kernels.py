@@ -52,8 +52,6 @@ def run_recording(
             states[0, i], states[1, i], states[2, i], states[3, i] = x1, v1, x2, v2
         if i + 1 < n:
             t = i * sample_time
-            if tracked:
-                anchor(track[0, i], track[1, i], x1, x2, w)
             if pushed:
                 push(pushes[0, i], pushes[1, i], w)
             x1, v1, x2, v2 = advance(x1, v1, x2, v2, u[i], t, sample_time, substeps, table, m, w, q)

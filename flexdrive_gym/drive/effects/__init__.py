@@ -80,7 +80,8 @@ N_STATES = sum(len(item.states) * len(item.where) for item in EFFECTS)
 N_MEMORY = sum(item.memory * len(item.where) for item in EFFECTS)
 
 # The workspace of the variant with all effects: rows of states; where a replay anchors the carts; where and when the piece
-# began; additional forces on the carts; which chains have anything to do; whether none of those has between events; memory.
+# began; additional forces on the carts; which chains have anything to do; whether none of those has between events, and whether
+# none has but those of forces on the carts; which hooks have anything to do; memory.
 ANCHOR_1, ANCHOR_2, BEGIN_1, BEGIN_2, BEGIN_T, PUSH_1, PUSH_2 = (ROWS * N_STATES + i for i in range(7))
 _FLAGS = ROWS * N_STATES + 7
 
@@ -113,8 +114,8 @@ _PLACES: dict[str, tuple[str, ...]] = {
 CHAINS: tuple[tuple[str, str | None], ...] = tuple((site, w) for site in SITES for w in _PLACES.get(site, (None,)))
 FLAG = {which: _FLAGS + i for i, which in enumerate(CHAINS)}
 LINEAR = _FLAGS + len(CHAINS)
-_MEMORY = LINEAR + 1
-WORKSPACE = _MEMORY + N_MEMORY
+ON_CARTS = LINEAR + 1
+_HOOK_FLAGS = ON_CARTS + 1
 
 
 def _hooks(site: str, where: str | None) -> list[tuple[Callable[..., Any], Slot]]:
@@ -129,6 +130,17 @@ def _hooks(site: str, where: str | None) -> list[tuple[Callable[..., Any], Slot]
     return found
 
 
+# whether a hook of an effect beyond the base has anything to do
+_HOOK_FLAG = {
+    (*which, slot.effect.id, slot.where): i
+    for i, (which, slot) in enumerate(
+        ((which, slot) for which in CHAINS for _hook, slot in _hooks(*which) if not slot.effect.base), start=_HOOK_FLAGS
+    )
+}
+_MEMORY = _HOOK_FLAGS + len(_HOOK_FLAG)
+WORKSPACE = _MEMORY + N_MEMORY
+
+
 def _lines(site: str, where: str | None, names: dict[str, Any], *, base: bool) -> list[str]:
     lines = []
     for hook, slot in _hooks(site, where):
@@ -138,7 +150,10 @@ def _lines(site: str, where: str | None, names: dict[str, Any], *, base: bool) -
         names[name] = inlined(hook)
         own = f"r + {slot.state_index}" if slot.effect.states else f"{_MEMORY + slot.memory_index}"
         arguments = ["acc", _ARGUMENTS[site], f"z, {own}" if site in _REMEMBERING else "", f"p, {slot.base_index}"]
-        lines.append(f"acc = {name}({', '.join(a for a in arguments if a)})")
+        flag = None if slot.effect.base else _HOOK_FLAG[site, where, slot.effect.id, slot.where]
+        # greater, because the compiler makes two branches of an equality that nan might enter
+        condition = "" if flag is None else f"if z[{flag}] > 0.0: "
+        lines.append(f"{condition}acc = {name}({', '.join(a for a in arguments if a)})")
     return lines
 
 
@@ -160,7 +175,7 @@ def chain(site: Site, where: str | None = None, *, base: bool) -> Callable[..., 
     lines = _lines(site, where, names, base=True)
     if not base:
         skip = [f"    {line}" for line in [*lines, "return acc"]]
-        lines = [f"if z[{FLAG[site, where]}] == 0.0:", *skip, *_lines(site, where, names, base=False)]
+        lines = [f"if not z[{FLAG[site, where]}] > 0.0:", *skip, *_lines(site, where, names, base=False)]
     arguments = ", ".join(a for a in ("acc", _ARGUMENTS[site], "z, r, p") if a)
     source = "\n    ".join([f"def composed({arguments}):", *lines, "return acc\n"])
     # The hooks are known only once all files are found, and a compiled call must be written out; hence source text.
@@ -169,14 +184,17 @@ def chain(site: Site, where: str | None = None, *, base: bool) -> Callable[..., 
 
 
 def _switches() -> list[tuple[int, float, int]]:
-    """Return parameter, its null, and the flag it sets, for every chain and every parameter that makes it necessary."""
-    return [
-        (other.index, other.parameter.null, FLAG[which])
-        for which in CHAINS
-        for effect, place in dict.fromkeys((s.effect.id, s.where) for _hook, s in _hooks(*which))
-        for other in LAYOUT.values()
-        if (other.effect.id, other.where) == (effect, place) and other.switches
-    ]
+    """Return parameter, its null, and the flag it sets, for every chain, hook and parameter that makes them necessary."""
+    found = []
+    for which in CHAINS:
+        for effect, place in dict.fromkeys((s.effect.id, s.where) for _hook, s in _hooks(*which)):
+            flags = [FLAG[which]]
+            if (*which, effect, place) in _HOOK_FLAG:
+                flags.append(_HOOK_FLAG[*which, effect, place])
+            for other in LAYOUT.values():
+                if (other.effect.id, other.where) == (effect, place) and other.switches:
+                    found += [(other.index, other.parameter.null, flag) for flag in flags]
+    return found
 
 
 _SWITCHES = _switches()
@@ -187,18 +205,23 @@ _SWITCH_FLAG = np.array([s[2] for s in _SWITCHES], dtype=np.int64)
 
 # chains that act at events, at the beginning of a run or outside the mechanics leave a sliding drive as linear as it is
 _APART = {"command", "breakaway", "begin", "reading", "speed"}
-_BETWEEN_EVENTS = np.array([FLAG[which] for which in CHAINS if which[0] not in _APART], dtype=np.int64)
+_CART = (("cart", "cart_1"), ("cart", "cart_2"), ("finish", "cart_1"), ("finish", "cart_2"))
+_OF_CARTS = np.array([FLAG[which] for which in _CART], dtype=np.int64)
+_ELSEWHERE = np.array([i for which, i in FLAG.items() if which[0] not in _APART and which not in _CART], dtype=np.int64)
 
 
 @called
 def prepare(z: Any, p: Any) -> None:
-    """Clear a workspace and note which chains have anything to do for these parameters."""
+    """Clear a workspace and note which chains and hooks have anything to do for these parameters."""
     for i in range(WORKSPACE):
         z[i] = 0.0
     for i in range(len(_SWITCH_PARAMETER)):
         if p[_SWITCH_PARAMETER[i]] != _SWITCH_NULL[i]:
             z[_SWITCH_FLAG[i]] = 1.0
-    busy = 0.0
-    for i in range(len(_BETWEEN_EVENTS)):
-        busy += z[_BETWEEN_EVENTS[i]]
-    z[LINEAR] = 1.0 if busy == 0.0 else 0.0
+    of_carts, elsewhere = 0.0, 0.0
+    for i in range(len(_OF_CARTS)):
+        of_carts += z[_OF_CARTS[i]]
+    for i in range(len(_ELSEWHERE)):
+        elsewhere += z[_ELSEWHERE[i]]
+    z[LINEAR] = 1.0 if of_carts + elsewhere == 0.0 else 0.0
+    z[ON_CARTS] = 1.0 if elsewhere == 0.0 else 0.0

@@ -11,6 +11,6 @@ from flexdrive_gym.drive.compilation import inlined
 def wave(x: float, a_sin: float, a_cos: float, period: float) -> float:
     """Return the wave at position x [mm], in the unit of its amplitudes."""
     phase = 2.0 * np.pi * x / period
-    value = a_sin * np.sin(phase)
-    # a search that does not know where a run began has one amplitude, and a cosine takes its time
+    # a search looks at one amplitude at a time, and either function takes its time
+    value = a_sin * np.sin(phase) if a_sin != 0.0 else 0.0
     return value if a_cos == 0.0 else value + a_cos * np.cos(phase)

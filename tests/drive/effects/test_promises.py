@@ -157,3 +157,21 @@ def test_shapes_alone_leave_the_fast_variant():
     assert parameters.workspace(shapes) is None
     assert parameters.substeps(shapes, 5e-3, 5e-3) == 1
     assert set(Drive({**RIG, **shapes, "stribeck.cart_1.vs": 40.0}).values) == {*RIG, *shapes}
+
+
+@pytest.mark.parametrize(
+    ("effect", "where"),
+    # a drive with others is linear between events, and goes by its table there
+    [
+        pytest.param(*i, id=name)
+        for i, name in zip(INSTANCES, NAMES, strict=True)
+        if not {"command", "breakaway"} & set(i[0].hooks)
+    ],
+)
+def test_what_has_nothing_to_do_is_left_out_to_the_last_bit(effect, where):
+    """Chains without work are skipped; beside a spring too weak to change any digit they are not, and nothing else changes."""
+    with_it = {**RIG, **start_values(effect, where)}
+    weak = "hardening_spring.k3" if effect.id != "hardening_spring" else "asymmetric_spring.k2"
+    beside = {**with_it, weak: 1e-300}
+    for u in (HARD, STICK_SLIP):
+        assert np.array_equal(states(with_it, u), states(beside, u))
