@@ -27,6 +27,7 @@ from flexdrive_gym.recording import FloatArray
 from identification import diagnose, identify, read_recordings
 from identification.mismatch.chance import nuisance
 from identification.mismatch.crew import Crew
+from identification.mismatch.surroundings import against
 from identification.mismatch.workbench import Workbench
 from identification.output_error import prepare, simulate_run
 
@@ -89,7 +90,7 @@ def null_day(values: dict[str, float], seed: int) -> list[Recording]:
     runs = [prepare(r) for r in quiet]
     with Crew(1) as pool:
         bench = Workbench(runs, pool)
-        disturbances = nuisance(bench, values, [run.measured for run in runs], seed)
+        disturbances = nuisance(bench, values, [[against(v) for v in run.measured] for run in runs], seed)
 
     def disturbed(scale: float) -> list[FloatArray]:
         """Velocities of every run with the nuisance at a scale, ndarray, shape (2, n)."""

@@ -14,6 +14,7 @@ Two conventions matter at 1 kHz and are the rig's own:
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -149,7 +150,7 @@ class Recording:
         """Number of samples."""
         return len(self.t)
 
-    @property
+    @cached_property
     def sample_time(self) -> float:
         """Sampling period Ts [s], the median step of ``t``."""
         return float(np.median(np.diff(self.t)))

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from flexdrive_gym.drive import parameters
-from flexdrive_gym.drive.compilation import kernel
+from flexdrive_gym.drive.compilation import inlined, kernel
 from flexdrive_gym.drive.effects import N_PARAMETERS, WORKSPACE
 from flexdrive_gym.drive.kernels import NOTHING, run_recording
 from flexdrive_gym.drive.sample import WORK_SPACE
@@ -22,6 +22,13 @@ from identification.output_error import PHYSICS_S, RUNAWAY, Run, drive_vector, h
 
 # entries of a recording's row of whole numbers
 _BEGIN, _SAMPLES, _PIECES, _BLOCK, _BLOCKS, _ROW, _FIRST_SAMPLE = range(7)
+
+
+@inlined
+def _within(x: float, most: float) -> float:
+    """Return what is not a number, or farther from zero than ``most``, as ``most``."""
+    # no comparison holds for nan
+    return x if abs(x) < most else (-most if x <= -most else most)
 
 
 @kernel
@@ -70,21 +77,18 @@ def _replay(
         run_recording(
             u[begin : begin + fine], h[r], substeps[r], starts[r], memory, z, p[r - first], y, nothing, way, force
         )
-        for c in range(4):
-            for i in range(fine):
-                # no comparison holds for nan
-                x = y[c, i]
-                y[c, i] = x if abs(x) < runaway else (-runaway if x <= -runaway else runaway)
         for c in range(carts):
             for b in range(blocks):
                 total, count = 0.0, 0
                 for i in range(b * block, min((b + 1) * block, n)):
                     if keep[carts * sample + c * n + i]:
-                        simulated = y[2 + c, i * pieces]
                         if positions:
-                            simulated = y[c, i * pieces]
+                            simulated = _within(y[c, i * pieces], runaway)
                         elif pieces > 1 and i > 0:
-                            simulated = (y[c, i * pieces] - y[c, (i - 1) * pieces]) / (h[r] * pieces)
+                            moved_on = _within(y[c, i * pieces], runaway) - _within(y[c, (i - 1) * pieces], runaway)
+                            simulated = moved_on / (h[r] * pieces)
+                        else:
+                            simulated = _within(y[2 + c, i * pieces], runaway)
                         total += measured[carts * sample + c * n + i] - simulated
                         count += 1
                 out[row] = total / max(count, 1)

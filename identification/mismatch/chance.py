@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
-from flexdrive_gym.drive.compilation import kernel
+from flexdrive_gym.drive.compilation import inlined, kernel
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.refit import Fit
 from identification.mismatch.screening import Screened, explained, orthonormal
@@ -115,9 +115,15 @@ def null_residuals(
     bench: Workbench, values: Mapping[str, float], rng: np.random.Generator, draws: int = DRAWS
 ) -> Columns:
     """Return raw residuals of the present model under random nuisance, shape (N, draws)."""
-    motion = list(zip(*(speeds(bench, c) for c in range(len(bench.runs[0].keep))), strict=True))
-    days = [partial(nuisance, bench, values, motion, seed) for seed in (int(s) for s in rng.integers(0, 2**63, draws))]
-    return (bench.disturbed(values, days) + _counts(bench, rng, draws)).astype(np.float32)
+    signs = list(zip(*([against(v) for v in speeds(bench, c)] for c in range(len(bench.runs[0].keep))), strict=True))
+    days = [partial(nuisance, bench, values, signs, seed) for seed in (int(s) for s in rng.integers(0, 2**63, draws))]
+    # side by side
+    found: FloatArray
+    found, counts = bench.pool.map(
+        lambda make: make(), [partial(bench.disturbed, values, days), partial(_counts, bench, rng, draws)]
+    )
+    found += counts
+    return found.astype(np.float32)
 
 
 def _counts(bench: Workbench, rng: np.random.Generator, draws: int) -> FloatArray:
@@ -151,8 +157,7 @@ def chance(
     for view, entries in screened.items():
         present = orthonormal(bench.seen(view, model.sensitivity))
         e = bench.seen(view, null)
-        e -= present @ (present.T @ e)
-        total = np.maximum(np.sum(e**2, axis=0), 1e-300)
+        total = np.maximum(bench.without(e, present), 1e-300)
         narrow = e.astype(np.float32)
         parts = [entries[i : i + _PART] for i in range(0, len(entries), _PART)]
         shares = [
@@ -168,9 +173,9 @@ def chance(
 
 
 def nuisance(
-    bench: Workbench, values: Mapping[str, float], motion: Sequence[Sequence[FloatArray]], seed: int
+    bench: Workbench, values: Mapping[str, float], signs: Sequence[Sequence[FloatArray]], seed: int
 ) -> list[Disturbance]:
-    """Return one draw of a day's nuisance, for every recording; ``motion`` are smoothed velocities."""
+    """Return one draw of a day's nuisance, for every recording; ``signs`` are those of dry friction."""
     rng = np.random.default_rng(seed)
     # what differs from run to run was estimated from these very recordings; the rest varies over what rigs show
     between = bench.spread.get("friction", 0.05) * _log_uniform(rng, *_ABOUT)
@@ -188,19 +193,21 @@ def nuisance(
     start = apart * rng.standard_normal()
     # what all parts of one recording share is no difference between them: a friction or a slope that chance could make there
     # would be a property of the drive
-    ways = [np.concatenate([r.track[c] for r in bench.runs]) + start for c in range(carts)]
+    ways = (
+        [np.concatenate([r.track[c] for r in bench.runs]) + start for c in range(carts)]
+        if bench.parts
+        else [_TRACK_MM] * carts
+    )
     # and so would a slope be that the whole track has
-    shared = [
-        float(np.mean(profile(way if bench.parts else _TRACK_MM))) for profile, way in zip(slopes, ways, strict=True)
-    ]
-    for run, speed in zip(bench.runs, motion, strict=True):
+    shared = [float(np.mean(profile(way))) for profile, way in zip(slopes, ways, strict=True)]
+    for run, sign in zip(bench.runs, signs, strict=True):
         n, h = len(run.u), run.sample_time
         force, dry = np.zeros((2, n)), {}
         if not bench.parts:
             start = apart * rng.standard_normal()
         # all but the sign of a velocity is smooth: it is made at joints and straight between them
         step = max(1, round(_JOINT_S / h))
-        at, joints = np.arange(n, dtype=np.float64), np.arange(0, n + step, step)
+        joints = np.arange(0, n + step, step)
         coarse = max(1, round(0.5 / _BAND_HZ / h))
         for c in range(carts):
             way = run.track[c][np.minimum(joints, n - 1)] + start
@@ -217,19 +224,33 @@ def nuisance(
             knots = rng.standard_normal(len(joints) * step // coarse + 2)
             push = noise * _between(joints / coarse, 0.0, 1.0, knots)
             push += slope * (slopes[c](way) - shared[c]) + height * hills[c](way)
-            force[c] = _between(at, 0.0, step, push) + against(speed[c]) * _between(at, 0.0, step, friction)
+            _push(float(step), push, friction, sign[c], force[c])
         days.append(Disturbance(force, dry))
     return days
+
+
+@inlined
+def _at(place: float, values: Any) -> float:
+    """Return the value between points at whole places, and that of the first or last beyond them."""
+    last = len(values) - 1
+    place = min(max(place, 0.0), float(last))
+    below = min(int(place), last - 1)
+    return float(values[below] + (place - below) * (values[below + 1] - values[below]))
 
 
 @kernel
 def _straight(x: Any, first: Any, step: Any, values: Any, out: Any) -> None:
     """Write the values of a function that is straight between points at equal distances, and constant beyond them."""
-    last = len(values) - 1
     for i in range(len(x)):
-        place = min(max((x[i] - first) / step, 0.0), float(last))
-        below = min(int(place), last - 1)
-        out[i] = values[below] + (place - below) * (values[below + 1] - values[below])
+        out[i] = _at((x[i] - first) / step, values)
+
+
+@kernel
+def _push(step: float, push: Any, friction: Any, sign: Any, out: Any) -> None:
+    """Write a force and a friction in the direction of its sign, both told every ``step`` samples and straight between."""
+    for i in range(len(out)):
+        place = i / step
+        out[i] = _at(place, push) + sign[i] * _at(place, friction)
 
 
 def _between(x: FloatArray, first: float, step: float, values: FloatArray) -> FloatArray:

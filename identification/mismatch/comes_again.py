@@ -119,13 +119,15 @@ class KeptAway:
 
 def _again(bench: Workbench, view: View, J: FloatArray, raw: FloatArray, foretold: FloatArray, null: Columns) -> Again:
     hidden = orthonormal(bench.seen(view, J))
-    e, d, days = (x - hidden @ (hidden.T @ x) for x in (bench.seen(view, y) for y in (raw, foretold, null)))
+    e, d = (x - hidden @ (hidden.T @ x) for x in (bench.seen(view, y) for y in (raw, foretold)))
+    days = bench.seen(view, null)
+    lengths = np.sqrt(bench.without(days, hidden))
     square = float(d @ d)
     if not square > 0.0:
         return Again(0.0, float("inf"), 1.0)
     size = float(e @ d) / square
     # of every day its shape, as large as what the finding leaves
-    along = (d @ days) / np.maximum(np.linalg.norm(days, axis=0), 1e-300)
+    along = (d @ days) / np.maximum(lengths, 1e-300)
     spread = float(np.linalg.norm(e - size * d) * np.sqrt(np.mean(along**2))) / square
     # a day turned round is as likely
     more = np.sum(np.concatenate([along, -along]) >= float(e @ d) / max(float(np.linalg.norm(e)), 1e-300))

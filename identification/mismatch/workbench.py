@@ -19,7 +19,9 @@ seen best among the first, for every single run might have had it by itself; mos
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from itertools import pairwise
@@ -38,6 +40,12 @@ View = Literal["comparable", "weighted"]
 Columns = npt.NDArray[np.float32]
 # columns of which a recording is worth a thread
 _MANY = 8
+# residuals of whole lab days that are kept
+_REMEMBERED = 48
+# days that are written at once, for a column is scattered over memory
+_DAYS = 8
+# columns of one task
+_SIDE_BY_SIDE = 32
 # tasks per thread that a lab day is split into
 _PARTS = 2
 
@@ -115,6 +123,27 @@ FRICTION = Prior("friction", 0.06, 0.02, 0.15)
 OFFSET = Prior("offset", 0.01, 0.002, 0.015)
 
 
+class _Recent:
+    """What was found lately: rivals begin at the same drives, and are asked for the same residuals."""
+
+    def __init__(self, most: int) -> None:
+        self._most, self._found, self._lock = most, OrderedDict[Hashable, FloatArray](), threading.Lock()
+
+    def of(self, key: Hashable, find: Callable[[], FloatArray]) -> FloatArray:
+        """Return what was found for a key, not to be written to; find it if need be."""
+        with self._lock:
+            if key in self._found:
+                self._found.move_to_end(key)
+                return self._found[key]
+        found = find()
+        found.flags.writeable = False
+        with self._lock:
+            self._found[key] = found
+            while len(self._found) > self._most:
+                self._found.popitem(last=False)
+        return found
+
+
 class Workbench:
     """Recordings of one drive, and what is needed to compare models of it.
 
@@ -133,6 +162,7 @@ class Workbench:
         self.pool = pool
         self.parts = parts
         self.together = Together(self.runs)
+        self._recent = _Recent(_REMEMBERED)
         self.rows = _rows(self.runs)
         self.weights = self.rows.valid.astype(float)
         self.offsets = np.zeros(len(self.runs))
@@ -164,15 +194,25 @@ class Workbench:
         self, values: Mapping[str, float] | Sequence[Mapping[str, float]], *, parallel: bool = True
     ) -> FloatArray:
         """Return the block residuals of all recordings [mm/s], shape (N,), of one drive or of one per recording."""
+        if isinstance(values, Mapping):
+            return self._recent.of(
+                (frozenset(values.items()), self.offsets.tobytes()), lambda: self._residual(values, parallel)
+            )
+        return self._residual(values, parallel)
+
+    def _residual(self, values: Mapping[str, float] | Sequence[Mapping[str, float]], parallel: bool) -> FloatArray:
         if not parallel:
             return self.together.residual(values, self.offsets)
-        ends = np.linspace(0, len(self.runs), min(len(self.runs), _PARTS * self.pool.threads) + 1).astype(int)
 
         def some(part: tuple[int, int]) -> FloatArray:
             drives = values if isinstance(values, Mapping) else values[part[0] : part[1]]
             return self.together.residual(drives, self.offsets, *part)
 
-        return np.concatenate(list(self.pool.map(some, pairwise(ends))))
+        return np.concatenate(list(self.pool.map(some, self._shares())))
+
+    def _shares(self) -> Iterable[tuple[int, int]]:
+        """Return the recordings in shares that are worth a thread: the first of each, and the first beyond."""
+        return pairwise(np.linspace(0, len(self.runs), min(len(self.runs), _PARTS * self.pool.threads) + 1).astype(int))
 
     def residuals(self, many: Sequence[Mapping[str, float]]) -> FloatArray:
         """Return the block residuals of many drives, shape (N, number of drives)."""
@@ -207,19 +247,27 @@ class Workbench:
         days
             Functions that return a disturbance for every recording, called when needed.
         """
-        here = self._unpushed(values)
+        here, found = self._unpushed(values), np.empty((len(self.weights), len(days)))
 
-        def one(make: Callable[[], Sequence[Disturbance]]) -> FloatArray:
-            met = make()
-            drives = [{**values, **d.changes} for d in met]
-            return self.together.residual(drives, self.offsets, pushes=[d.force for d in met])
+        def some(first: int) -> None:
+            moved = []
+            for make in days[first : first + _DAYS]:
+                met = make()
+                drives = [{**values, **d.changes} for d in met]
+                moved.append(self.together.residual(drives, self.offsets, pushes=[d.force for d in met]) - here)
+            found[:, first : first + _DAYS] = np.column_stack(moved)
 
-        return np.column_stack([moved - here for moved in self.pool.map(one, days)])
+        list(self.pool.map(some, range(0, len(days), _DAYS)))
+        return found
 
     def _unpushed(self, values: Mapping[str, float]) -> FloatArray:
         """Return the residual under forces of zero: what forces change is then no matter of how steps are taken."""
-        nothing = [np.zeros((2, len(run.u))) for run in self.runs]
-        return self.together.residual(values, self.offsets, pushes=nothing)
+
+        def found() -> FloatArray:
+            nothing = [np.zeros((2, len(run.u))) for run in self.runs]
+            return self.together.residual(values, self.offsets, pushes=nothing)
+
+        return self._recent.of((frozenset(values.items()), self.offsets.tobytes(), "unpushed"), found)
 
     def weigh(self, residual: FloatArray) -> None:
         """Set weights from the residuals of the present model."""
@@ -245,7 +293,7 @@ class Workbench:
 
     def weighted(self, x: FloatArray | Columns) -> FloatArray:
         """Weight residuals or sensitivities, shape (N,) or (N, k)."""
-        return np.asarray(x * (self.weights if x.ndim == 1 else self.weights[:, None]))
+        return self._recording_by_recording(x, ())
 
     @property
     def views(self) -> tuple[View, ...]:
@@ -310,10 +358,10 @@ class Workbench:
             How many principal directions per recording.
         """
         self._damped = []
-        X = self.comparable(disturbances.astype(np.float64))
-        X -= hidden @ (hidden.T @ X)
+        X = self.comparable(disturbances)
+        square = self.without(X, hidden)
         # of every draw its shape, for the mixture matters and not its size
-        X /= np.maximum(np.sqrt(np.mean(X**2, axis=0)), 1e-300)
+        X /= np.maximum(np.sqrt(square / len(X)), 1e-300)
         X /= np.sqrt(X.shape[1])
 
         def damping(r: int) -> FloatArray:
@@ -328,12 +376,12 @@ class Workbench:
         self._damped = list(self.pool.map(damping, range(len(self.runs))))
 
     def _absorbing(self, directions: FloatArray, sizes: FloatArray) -> list[FloatArray]:
-        found = []
-        for r in range(len(self.runs)):
+        def one(r: int) -> FloatArray:
             # (I + D S Dᵀ)^(-1/2) = I - U (1 - 1/sqrt(1 + σ²)) Uᵀ, with the singular vectors of D S^(1/2)
             U, sigma, _ = np.linalg.svd(directions[self.rows.of(r)] * sizes, full_matrices=False)
-            found.append(U * np.sqrt(1.0 - 1.0 / np.sqrt(1.0 + sigma**2)))
-        return found
+            return np.asarray(U * np.sqrt(1.0 - 1.0 / np.sqrt(1.0 + sigma**2)))
+
+        return list(self.pool.map(one, range(len(self.runs))))
 
     def forget_random_effects(self) -> None:
         """Let all recordings be alike."""
@@ -341,14 +389,38 @@ class Workbench:
 
     def comparable(self, x: FloatArray | Columns) -> FloatArray:
         """Weight, and take out what differs from run to run and the surroundings: what candidates are judged by."""
-        y = self.weighted(x)
+        return self._recording_by_recording(x, (self._absorbed, self._damped))
 
-        def rid(r: int) -> None:
-            rows = self.rows.of(r)
-            for taken in (self._absorbed, self._damped):
-                if taken:
-                    y[rows] -= taken[r] @ (taken[r].T @ y[rows])
+    def _recording_by_recording(self, x: FloatArray | Columns, taken_out: Sequence[Sequence[FloatArray]]) -> FloatArray:
+        y = np.empty(x.shape)
+        weights = self.weights if x.ndim == 1 else self.weights[:, None]
 
-        side_by_side = y.ndim > 1 and y.shape[1] > _MANY
-        list((self.pool.map if side_by_side else map)(rid, range(len(self.runs))))
+        def some(part: tuple[int, int]) -> None:
+            for r in range(*part):
+                rows = self.rows.of(r)
+                np.multiply(x[rows], weights[rows], out=y[rows])
+                for taken in taken_out:
+                    if taken:
+                        y[rows] -= taken[r] @ (taken[r].T @ y[rows])
+
+        many = x.ndim > 1 and int(x.shape[-1]) > _MANY
+        list(self.pool.map(some, ((r, r + 1) for r in range(len(self.runs))) if many else self._shares()))
         return y
+
+    def without(self, X: FloatArray, hidden: FloatArray) -> FloatArray:
+        """Take orthonormal directions, shape (N, m), out of columns, shape (N, k), in place.
+
+        Returns
+        -------
+        ndarray, shape (k,)
+            The squares of what is left of the columns.
+        """
+        square = np.empty(X.shape[1])
+
+        def rid(first: int) -> None:
+            part = X[:, first : first + _SIDE_BY_SIDE]
+            part -= hidden @ (hidden.T @ part)
+            square[first : first + _SIDE_BY_SIDE] = np.sum(part**2, axis=0)
+
+        list(self.pool.map(rid, range(0, X.shape[1], _SIDE_BY_SIDE)))
+        return square

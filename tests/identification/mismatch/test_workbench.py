@@ -98,3 +98,25 @@ def test_a_bench_alone_finds_the_same_and_keeps_its_settings_to_itself(bench):
     assert np.array_equal(bench.weights, before)
     assert not np.array_equal(other.weights, before)
     assert not bench.offsets.any()
+
+
+def test_what_was_found_lately_is_not_found_again_and_cannot_be_changed(bench):
+    first = bench.residual(RIG)
+    assert bench.residual(dict(RIG)) is first
+    with pytest.raises(ValueError, match="read-only"):
+        first[0] = 0.0
+    other = bench.alone()
+    other.offsets[:] = 3.0
+    wave = {**RIG, "cogging.a_sin": 0.1, "cogging.P": 20.0}
+    # where runs began along the track matters to what depends on it
+    assert not np.array_equal(other.residual(wave), bench.residual(wave))
+
+
+def test_taking_out_directions_equals_the_formula_and_tells_what_is_left(bench):
+    rng = np.random.default_rng(4)
+    N = len(bench.weights)
+    hidden, X = np.linalg.qr(rng.normal(size=(N, 5)))[0], rng.normal(size=(N, 70))
+    expected = X - hidden @ (hidden.T @ X)
+    square = bench.without(X, hidden)
+    assert np.allclose(X, expected, rtol=0.0, atol=1e-12)
+    assert square == pytest.approx(np.sum(expected**2, axis=0))
