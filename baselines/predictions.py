@@ -8,7 +8,14 @@ from math import pi
 import numpy as np
 
 from baselines.experiments import STABLE_GAIN, limit_in_the_lab
-from baselines.stability_limit import Feedback, ObservedLimit, observed_limit, stability_limit, with_rig
+from baselines.stability_limit import (
+    Feedback,
+    ObservedLimit,
+    critical_gain,
+    linear_critical_gain,
+    observed_limit,
+    with_rig,
+)
 from flexdrive_gym import Drive, PControl, Recording
 from flexdrive_gym.references import STROKE_MM
 from identification.mismatch.verdict import Diagnosis, Prediction
@@ -40,9 +47,8 @@ def _figures(drive: Drive) -> dict[str, tuple[float | None, str]]:
     feedback: Feedback = "x2" if drive.carts == 2 else "x1"
     found: dict[str, tuple[float | None, str]] = {}
     if drive.carts == 2:
-        limit = stability_limit(drive, "x2")
-        found["critical gain from x2, linear"] = (limit.critical_gain_linear, "V/mm")
-        found["critical gain from x2, simulated"] = (limit.critical_gain_simulated, "V/mm")
+        found["critical gain from x2, linear"] = (linear_critical_gain(drive, "x2"), "V/mm")
+        found["critical gain from x2, simulated"] = (critical_gain(drive, "x2"), "V/mm")
         found[_LAB] = (limit_in_the_lab(drive), "V/mm")
         vibrates = drive.linear.omega_d > 0.0
         found["resonance frequency"] = (drive.linear.omega_n / (2.0 * pi) if vibrates else None, "Hz")

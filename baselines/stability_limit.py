@@ -141,6 +141,11 @@ def _finite(value: float, upper: float = math.inf) -> float | None:
     return float(value) if math.isfinite(value) and value <= upper else None
 
 
+def linear_critical_gain(drive: Drive, feedback: Feedback) -> float | None:
+    """Return the gain at which the linear loop becomes unstable by Routh's criterion [V/mm]; None up to 10 V/mm."""
+    return _finite(drive.linear.routh_critical_gain(feedback), LARGEST_GAIN)
+
+
 def stability_limit(drive: Drive, feedback: Feedback, at_gain: float = HANDOUT_GAIN) -> StabilityLimit:
     """Return the limits of P-control from x1 or x2.
 
@@ -155,7 +160,7 @@ def stability_limit(drive: Drive, feedback: Feedback, at_gain: float = HANDOUT_G
     gain_margin, _pm, crossing, _wc = control.margin(plant)
     _gm, phase_margin, _wg, _wp = control.margin(at_gain * plant)
     return StabilityLimit(
-        critical_gain_linear=_finite(drive.linear.routh_critical_gain(feedback), LARGEST_GAIN),
+        critical_gain_linear=linear_critical_gain(drive, feedback),
         critical_gain_margin=_finite(float(gain_margin), LARGEST_GAIN),
         critical_gain_simulated=critical_gain(drive, feedback),
         vibration=_finite(float(crossing)) if _finite(float(gain_margin), LARGEST_GAIN) is not None else None,
