@@ -168,7 +168,9 @@ class Together:
         force = np.zeros(0)
         if pushes is not None:
             pieces = self._places[first:last, _PIECES]
-            force = np.concatenate([np.repeat(f, k, axis=1).ravel() for f, k in zip(pushes, pieces, strict=True)])
+            force = np.concatenate(
+                [(f if k == 1 else np.repeat(f, k, axis=1)).ravel() for f, k in zip(pushes, pieces, strict=True)]
+            )
         rows = self._places[:, _ROW]
         out = np.empty((rows[last] if last < len(rows) else self._rows) - rows[first])
         _replay(

@@ -24,7 +24,6 @@ from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
-from scipy.signal import lfilter
 
 from flexdrive_gym.drive.compilation import inlined, kernel
 from flexdrive_gym.recording import FloatArray
@@ -199,7 +198,7 @@ def nuisance(
         else [_TRACK_MM] * carts
     )
     # and so would a slope be that the whole track has
-    shared = [float(np.mean(profile(way))) for profile, way in zip(slopes, ways, strict=True)]
+    shared = [profile.mean(way) for profile, way in zip(slopes, ways, strict=True)]
     for run, sign in zip(bench.runs, signs, strict=True):
         n, h = len(run.u), run.sample_time
         force, dry = np.zeros((2, n)), {}
@@ -207,24 +206,23 @@ def nuisance(
             start = apart * rng.standard_normal()
         # all but the sign of a velocity is smooth: it is made at joints and straight between them
         step = max(1, round(_JOINT_S / h))
-        joints = np.arange(0, n + step, step)
+        joints = -(-n // step) + 1
         coarse = max(1, round(0.5 / _BAND_HZ / h))
         for c in range(carts):
-            way = run.track[c][np.minimum(joints, n - 1)] + start
+            way = run.track[c][np.minimum(np.arange(joints) * step, n - 1)] + start
             keep = np.exp(-_COARSE * h / _WANDER_S)
-            steps = rng.standard_normal(len(joints) * step // _COARSE + 2)
-            slow = lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], steps)
-            wander = _between(joints / _COARSE, 0.0, 1.0, slow)
+            steps = rng.standard_normal(joints * step // _COARSE + 2)
             own = 0.0 if bench.parts else between * rng.standard_normal()
-            friction = dry_level(values, c) * (within * wander + rough * profiles[c](way))
             # what differs from run to run holds resting carts, too
-            coulomb = values.get(f"d{c + 1}", 0.0)
+            level, coulomb = dry_level(values, c), values.get(f"d{c + 1}", 0.0)
             dry[f"d{c + 1}"] = coulomb * max(1.0 + own, _LEAST_FRICTION)
-            friction += (dry_level(values, c) - coulomb) * own
-            knots = rng.standard_normal(len(joints) * step // coarse + 2)
-            push = noise * _between(joints / coarse, 0.0, 1.0, knots)
-            push += slope * (slopes[c](way) - shared[c]) + height * hills[c](way)
-            _push(float(step), push, friction, sign[c], force[c])
+            knots = rng.standard_normal(joints * step // coarse + 2)
+            low, high = float(way.min()), float(way.max())
+            _draw_force(
+                step, way, keep, steps, _COARSE, knots, coarse, *profiles[c].table(low, high), *hills[c].table(low, high),
+                *slopes[c].table(low, high), level, within, rough, (level - coulomb) * own, noise, slope, shared[c], height,
+                sign[c], force[c],
+            )  # fmt: skip
         days.append(Disturbance(force, dry))
     return days
 
@@ -239,25 +237,65 @@ def _at(place: float, values: Any) -> float:
 
 
 @kernel
-def _straight(x: Any, first: Any, step: Any, values: Any, out: Any) -> None:
-    """Write the values of a function that is straight between points at equal distances, and constant beyond them."""
+def _between(x: Any, first: float, step: float, values: Any) -> Any:
+    """Return a function that is straight between points at equal distances, and constant beyond them."""
+    out = np.empty(len(x))
     for i in range(len(x)):
         out[i] = _at((x[i] - first) / step, values)
+    return out
 
 
 @kernel
-def _push(step: float, push: Any, friction: Any, sign: Any, out: Any) -> None:
-    """Write a force and a friction in the direction of its sign, both told every ``step`` samples and straight between."""
-    for i in range(len(out)):
-        place = i / step
-        out[i] = _at(place, push) + sign[i] * _at(place, friction)
+def _draw_force(
+    step: int,
+    way: Any,
+    keep: float,
+    steps: Any,
+    per_step: int,
+    knots: Any,
+    per_knot: int,
+    rough_from: float,
+    rough_by: float,
+    rough_track: Any,
+    hills_from: float,
+    hills_by: float,
+    hills: Any,
+    slopes_from: float,
+    slopes_by: float,
+    slopes: Any,
+    level: float,
+    within: float,
+    rough: float,
+    own: float,
+    noise: float,
+    slope: float,
+    shared: float,
+    height: float,
+    sign: Any,
+    out: Any,
+) -> None:
+    """Write the force on one cart [V]: drawn at joints every ``step`` samples, and straight between them but for friction's sign.
 
-
-def _between(x: FloatArray, first: float, step: float, values: FloatArray) -> FloatArray:
-    """Return what ``numpy.interp`` does of points at equal distances, without keeping other threads from their work."""
-    out = np.empty(len(x))
-    _straight(x, float(first), float(step), values, out)
-    return out
+    ``way`` is where the cart is at the joints [mm]; ``steps`` drive friction that wanders, and ``knots`` are noise, one in
+    ``per_step`` and ``per_knot`` samples; of every profile along the track its first place, its spacing [mm] and its values.
+    """
+    slow, gain, last = np.empty(len(steps)), np.sqrt(1.0 - keep**2), 0.0
+    for i in range(len(steps)):
+        last = keep * last + gain * steps[i]
+        slow[i] = last
+    push, friction = np.empty(len(way)), np.empty(len(way))
+    for j in range(len(way)):
+        wander = _at(j * step / per_step, slow)
+        friction[j] = level * (within * wander + rough * _at((way[j] - rough_from) / rough_by, rough_track)) + own
+        along = _at((way[j] - slopes_from) / slopes_by, slopes)
+        push[j] = noise * _at(j * step / per_knot, knots) + (
+            slope * (along - shared) + height * _at((way[j] - hills_from) / hills_by, hills)
+        )
+    for j in range(len(way) - 1):
+        pushes_more, rubs_more = push[j + 1] - push[j], friction[j + 1] - friction[j]
+        for i in range(j * step, min((j + 1) * step, len(out))):
+            part = i / step - j
+            out[i] = (push[j] + part * pushes_more) + sign[i] * (friction[j] + part * rubs_more)
 
 
 def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
@@ -273,14 +311,18 @@ class _Profile:
         self.grid: FloatArray = np.zeros(0)
         self.values: FloatArray = np.zeros(0)
 
-    def __call__(self, x: FloatArray) -> FloatArray:
-        low, high = float(x.min()), float(x.max())
+    def table(self, low: float, high: float) -> tuple[float, float, FloatArray]:
+        """Return its first place, its spacing [mm] and its values, which reach from ``low`` to ``high`` at least."""
         if not len(self.grid) or low < self.grid[0] or high > self.grid[-1]:
             # drawn where runs have been so far, and some way beyond
             reach = max(_REACH_MM, 1.2 * abs(low), 1.2 * abs(high))
             self.grid = np.linspace(-reach, reach, round(_PER_MM * 2.0 * reach) + 1)
             self.values = np.sqrt(2.0 / len(self.k)) * self._waves(-reach, self.grid[1] - self.grid[0], len(self.grid))
-        return _between(x, self.grid[0], self.grid[1] - self.grid[0], self.values)
+        return float(self.grid[0]), float(self.grid[1] - self.grid[0]), self.values
+
+    def mean(self, x: FloatArray) -> float:
+        """Return its mean over places [mm]."""
+        return float(np.mean(_between(x, *self.table(float(x.min()), float(x.max())))))
 
     def _waves(self, first: float, step: float, count: int) -> FloatArray:
         """Return the sum of all cosines at equal distances, by their angles' sums: coarse places, and fine ones beyond each."""
