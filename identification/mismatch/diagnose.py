@@ -74,7 +74,8 @@ def diagnose(
     seed
         Of the null draws and resampling; the same seed gives the same diagnosis to the last bit.
     jobs
-        Threads; default: the processors this process may use. The answer does not depend on it.
+        Threads; default: one more than the processors this process may use, because now and then one waits for the interpreter's
+        lock. The answer does not depend on it.
     topology
         Which bodies there are and what is free; default: one cart or two, as the recordings' channels tell.
     say
@@ -94,7 +95,7 @@ def diagnose(
     runs = _read(recordings)
     split = split_recordings(runs)
     # its own threads keep the processors busy: those of the linear algebra would only be in their way
-    with threadpool_limits(1, user_api="blas"), Crew(jobs or len(os.sched_getaffinity(0))) as pool:
+    with threadpool_limits(1, user_api="blas"), Crew(jobs or len(os.sched_getaffinity(0)) + 1) as pool:
         return _Diagnosing(
             runs, split, topology or topology_of(split.learn), np.random.default_rng(seed), pool, say, jobs
         ).result(begin)
