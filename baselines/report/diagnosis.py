@@ -7,6 +7,7 @@ import os
 from collections.abc import Sequence
 
 from baselines.report import words
+from baselines.report.fault_table import add_faults
 from baselines.report.page import Section, render
 from flexdrive_gym import Recording, __version__
 from identification.mismatch.crew import Crew
@@ -269,11 +270,7 @@ def _faults(d: Diagnosis) -> Section:
     recordings = len({f.recording for f in faults})
     section.title = f"Sensor faults: {len(faults)} in {recordings} recording{'s' if recordings > 1 else ''}"
     section.text("Data faults, not physics: left out of everything on this page.")
-    rows = [
-        (f.recording, f.where.replace("_", " "), f.id.replace("_", " "), f"{f.start_s:.3f}", f"{f.end_s:.3f}", f.note)
-        for f in gathered(faults)
-    ]
-    section.table(("recording", "channel", "fault", "from [s]", "to [s]", "note"), rows)
+    add_faults(section, gathered(faults))
     return section
 
 

@@ -7,6 +7,7 @@ from math import pi
 
 from baselines.experiments import stability_experiments
 from baselines.report import discussion
+from baselines.report.fault_table import add_faults
 from baselines.report.findings import Findings
 from baselines.report.page import Section
 from baselines.stability_limit import ObservedLimit, explain
@@ -32,16 +33,12 @@ def measured_limit(observed: ObservedLimit) -> str:
 def faults(found: Findings) -> Section:
     """List the data faults."""
     section = Section("Sensor faults", "faults")
-    rows = [
-        (f.recording, f.where, f.id, f"{f.start_s:.3f}", f"{f.end_s:.3f}", f.note)
-        for r in found.recordings
-        for f in gathered(r.faults)
-    ]
-    if rows:
+    shown = gathered([f for r in found.recordings for f in r.faults])
+    if shown:
         section.text(
             "These samples are data faults, not physics: they are shaded in the plots and left out of every fit."
         )
-        section.table(("recording", "channel", "fault", "from [s]", "to [s]", "note"), rows)
+        add_faults(section, shown)
     else:
         section.text(
             "None found: no encoder froze while the other cart moved, no counts were lost, no recording is a copy."
@@ -79,7 +76,7 @@ def p_control_section(found: Findings) -> Section:
         state = "unstable" if m.unstable else "stable"
         section.figure(
             plot_recording(r),
-            f"{r.name}: {kind} P-control, Kp = {m.gain:.4g} V/mm, {state}. Shaded: encoder faults.",
+            f"{r.name}: {kind} P-control, Kp = {m.gain:.4g} V/mm, {state}. Shaded: data faults.",
         )
     section.table(
         ("run", "feedback", "Kp [V/mm]", "rms e [mm]", "peak |e| [mm]", "|e| in dwells [mm]", "x2 swing in dwells [mm]", "grows"),

@@ -1,7 +1,8 @@
 """The forces on the carts, the limits of the command and the readings of the encoders: chains of every effect's hooks.
 
 Each function composes what all effects say at one place. ``z is None`` selects, at compile time, the chain of the effects
-every drive has; otherwise ``z`` points to the workspace and ``r`` is the start of the row of states to read.
+every drive has; otherwise ``z`` points to the workspace and ``r`` is the start of the row of states to read. ``c`` is the same
+for the chains of forces on the carts: with ``z is None`` these may be all that acts beyond the base.
 """
 
 from __future__ import annotations
@@ -90,21 +91,26 @@ def spring_force(delta: float, rate: float, z: Any, r: int, p: Any) -> float:
 
 
 @inlined
-def force_1(x: float, v: float, s: float, u: float, fs: float, t: float, z: Any, r: int, p: Any) -> float:
+def force_1(x: float, v: float, s: float, u: float, fs: float, t: float, z: Any, c: Any, r: int, p: Any) -> float:
     """Return the force on cart 1 [V], all but Coulomb friction."""
+    f = u - fs
+    if z is not None:
+        f = _transmission(amplified(u, t, z, r, p), v, z, r, p) - fs
+    if c is not None:
+        f = _cart_1(f + c[PUSH_1], x + c[ANCHOR_1], v, s, x - c[BEGIN_1], t, c, r, p)
     if z is None:
-        return (u - fs) - _damping_1_base(0.0, v, s, t, z, r, p) * v
-    f = _transmission(amplified(u, t, z, r, p), v, z, r, p) - fs
-    f = _cart_1(f + z[PUSH_1], x + z[ANCHOR_1], v, s, x - z[BEGIN_1], t, z, r, p)
+        return f - _damping_1_base(0.0, v, s, t, z, r, p) * v
     return f - max(_damping_1_full(0.0, v, s, t, z, r, p), 0.0) * v
 
 
 @inlined
-def force_2(x: float, v: float, s: float, fs: float, t: float, z: Any, r: int, p: Any) -> float:
+def force_2(x: float, v: float, s: float, fs: float, t: float, z: Any, c: Any, r: int, p: Any) -> float:
     """Return the force on cart 2 [V], all but Coulomb friction."""
+    f = fs
+    if c is not None:
+        f = _cart_2(f + c[PUSH_2], x + c[ANCHOR_2], v, s, x - c[BEGIN_2], t, c, r, p)
     if z is None:
-        return fs - _damping_2_base(0.0, v, s, t, z, r, p) * v
-    f = _cart_2(fs + z[PUSH_2], x + z[ANCHOR_2], v, s, x - z[BEGIN_2], t, z, r, p)
+        return f - _damping_2_base(0.0, v, s, t, z, r, p) * v
     return f - max(_damping_2_full(0.0, v, s, t, z, r, p), 0.0) * v
 
 
@@ -145,7 +151,7 @@ def hold_2(x: float, s: float, fs: float, t: float, z: Any, r: int, p: Any) -> f
 @inlined
 def _margin_1(x1: float, x2: float, v2: float, u: float, t: float, z: Any, r: int, p: Any) -> tuple[float, float]:
     fs = spring_force(x1 - x2, -v2, z, r, p)
-    force = force_1(x1, 0.0, 0.0, u, fs, t, z, r, p)
+    force = force_1(x1, 0.0, 0.0, u, fs, t, z, z, r, p)
     s = 1.0 if force > 0.0 else -1.0
     return force * s - hold_1(x1, s, fs, t, z, r, p), s
 
@@ -153,7 +159,7 @@ def _margin_1(x1: float, x2: float, v2: float, u: float, t: float, z: Any, r: in
 @inlined
 def _margin_2(x1: float, x2: float, v1: float, t: float, z: Any, r: int, p: Any) -> tuple[float, float]:
     fs = spring_force(x1 - x2, v1, z, r, p)
-    force = force_2(x2, 0.0, 0.0, fs, t, z, r, p)
+    force = force_2(x2, 0.0, 0.0, fs, t, z, z, r, p)
     s = 1.0 if force > 0.0 else -1.0
     return force * s - hold_2(x2, s, fs, t, z, r, p), s
 
@@ -196,38 +202,14 @@ def accelerations(
     u: float,
     t: float,
     z: Any,
+    c: Any,
     r: int,
     p: Any,
 ) -> tuple[float, float]:
     """Return the accelerations [mm/s²] of both carts for fixed directions of sliding."""
     fs = spring_force(x1 - x2, v1 - v2, z, r, p)
-    a1 = p[W1] * (force_1(x1, v1, s1, u, fs, t, z, r, p) - s1 * level_1(x1, v1, s1, fs, t, z, r, p))
-    a2 = p[W2] * (force_2(x2, v2, s2, fs, t, z, r, p) - s2 * level_2(x2, v2, s2, fs, t, z, r, p))
-    return (a1 if s1 != 0.0 else 0.0), (a2 if s2 != 0.0 else 0.0)
-
-
-@inlined
-def accelerations_on_carts(
-    x1: float,
-    v1: float,
-    x2: float,
-    v2: float,
-    s1: float,
-    s2: float,
-    u: float,
-    t: float,
-    z: Any,
-    r: int,
-    p: Any,
-) -> tuple[float, float]:
-    """Return what :func:`accelerations` does where no effect beyond the base acts but by forces on the carts."""
-    fs = spring_force(x1 - x2, v1 - v2, None, r, p)
-    f = _cart_1((u - fs) + z[PUSH_1], x1 + z[ANCHOR_1], v1, s1, x1 - z[BEGIN_1], t, z, r, p)
-    g = _cart_2(fs + z[PUSH_2], x2 + z[ANCHOR_2], v2, s2, x2 - z[BEGIN_2], t, z, r, p)
-    f = f - _damping_1_base(0.0, v1, s1, t, None, r, p) * v1
-    g = g - _damping_2_base(0.0, v2, s2, t, None, r, p) * v2
-    a1 = p[W1] * (f - s1 * level_1(x1, v1, s1, fs, t, None, r, p))
-    a2 = p[W2] * (g - s2 * level_2(x2, v2, s2, fs, t, None, r, p))
+    a1 = p[W1] * (force_1(x1, v1, s1, u, fs, t, z, c, r, p) - s1 * level_1(x1, v1, s1, fs, t, z, r, p))
+    a2 = p[W2] * (force_2(x2, v2, s2, fs, t, z, c, r, p) - s2 * level_2(x2, v2, s2, fs, t, z, r, p))
     return (a1 if s1 != 0.0 else 0.0), (a2 if s2 != 0.0 else 0.0)
 
 

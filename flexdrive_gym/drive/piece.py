@@ -11,7 +11,7 @@ from typing import Any
 
 from flexdrive_gym.drive.compilation import called, inlined, shifted
 from flexdrive_gym.drive.effects import FLAG, LAYOUT, N_BASE_PARAMETERS, N_STATES, ON_CARTS
-from flexdrive_gym.drive.forces import accelerations, accelerations_on_carts, begin_piece, rates
+from flexdrive_gym.drive.forces import accelerations, begin_piece, rates
 
 D1, D2 = LAYOUT["d1"].index, LAYOUT["d2"].index
 TABLE = 61
@@ -27,16 +27,14 @@ def width(z: Any) -> int:
 
 
 @inlined
-def _slopes(
-    stateful: bool, slope: int, x1: float, v1: float, x2: float, v2: float, u: float, t: float, z: Any, r: int, p: Any
-) -> None:
-    if stateful and z is not None and z[INTEGRATES] != 0.0:
+def _slopes(slope: int, x1: float, v1: float, x2: float, v2: float, u: float, t: float, z: Any, r: int, p: Any) -> None:
+    if z is not None and z[INTEGRATES] != 0.0:
         rates(slope * width(z) - r, x1, v1, x2, v2, u, t, z, r, p)
 
 
 @inlined
-def _stage(stateful: bool, slope: int, h: float, z: Any) -> None:
-    if stateful and z is not None and z[INTEGRATES] != 0.0:
+def _stage(slope: int, h: float, z: Any) -> None:
+    if z is not None and z[INTEGRATES] != 0.0:
         n = width(z)
         for i in range(n):
             z[n + i] = z[i] + h * z[slope * n + i]
@@ -44,8 +42,6 @@ def _stage(stateful: bool, slope: int, h: float, z: Any) -> None:
 
 @inlined
 def _smooth(
-    accelerations: Any,
-    stateful: bool,
     x1: float,
     v1: float,
     x2: float,
@@ -56,34 +52,34 @@ def _smooth(
     t: float,
     h: float,
     z: Any,
+    c: Any,
     p: Any,
 ) -> tuple[float, float, float, float, float, float]:
-    # which accelerations, and whether there may be additional states, the compiler knows
     half = 0.5 * h
     n = width(z)
-    a1, b1 = accelerations(x1, v1, x2, v2, s1, s2, u, t, z, 0, p)
-    _slopes(stateful, 2, x1, v1, x2, v2, u, t, z, 0, p)
+    a1, b1 = accelerations(x1, v1, x2, v2, s1, s2, u, t, z, c, 0, p)
+    _slopes(2, x1, v1, x2, v2, u, t, z, 0, p)
 
     v1b, v2b = v1 + half * a1, v2 + half * b1
     x1b, x2b = x1 + half * v1, x2 + half * v2
-    _stage(stateful, 2, half, z)
-    a2, b2 = accelerations(x1b, v1b, x2b, v2b, s1, s2, u, t + half, z, n, p)
-    _slopes(stateful, 3, x1b, v1b, x2b, v2b, u, t + half, z, n, p)
+    _stage(2, half, z)
+    a2, b2 = accelerations(x1b, v1b, x2b, v2b, s1, s2, u, t + half, z, c, n, p)
+    _slopes(3, x1b, v1b, x2b, v2b, u, t + half, z, n, p)
 
     v1c, v2c = v1 + half * a2, v2 + half * b2
     x1c, x2c = x1 + half * v1b, x2 + half * v2b
-    _stage(stateful, 3, half, z)
-    a3, b3 = accelerations(x1c, v1c, x2c, v2c, s1, s2, u, t + half, z, n, p)
-    _slopes(stateful, 4, x1c, v1c, x2c, v2c, u, t + half, z, n, p)
+    _stage(3, half, z)
+    a3, b3 = accelerations(x1c, v1c, x2c, v2c, s1, s2, u, t + half, z, c, n, p)
+    _slopes(4, x1c, v1c, x2c, v2c, u, t + half, z, n, p)
 
     v1d, v2d = v1 + h * a3, v2 + h * b3
     x1d, x2d = x1 + h * v1c, x2 + h * v2c
-    _stage(stateful, 4, h, z)
-    a4, b4 = accelerations(x1d, v1d, x2d, v2d, s1, s2, u, t + h, z, n, p)
-    _slopes(stateful, 5, x1d, v1d, x2d, v2d, u, t + h, z, n, p)
+    _stage(4, h, z)
+    a4, b4 = accelerations(x1d, v1d, x2d, v2d, s1, s2, u, t + h, z, c, n, p)
+    _slopes(5, x1d, v1d, x2d, v2d, u, t + h, z, n, p)
 
     sixth = h / 6.0
-    if stateful and z is not None and z[INTEGRATES] != 0.0:
+    if z is not None and z[INTEGRATES] != 0.0:
         for i in range(n):
             z[6 * n + i] = z[i] + sixth * (z[2 * n + i] + 2.0 * (z[3 * n + i] + z[4 * n + i]) + z[5 * n + i])
     return (
@@ -97,7 +93,7 @@ def _smooth(
 
 
 @called
-def _smooth_full(
+def _smooth_beyond(
     x1: float,
     v1: float,
     x2: float,
@@ -108,28 +104,11 @@ def _smooth_full(
     t: float,
     h: float,
     z: Any,
+    c: Any,
     p: Any,
 ) -> tuple[float, float, float, float, float, float]:
-    begin_piece(x1, x2, t, z)
-    return _smooth(accelerations, True, x1, v1, x2, v2, s1, s2, u, t, h, z, p)
-
-
-@called
-def _smooth_on_carts(
-    x1: float,
-    v1: float,
-    x2: float,
-    v2: float,
-    s1: float,
-    s2: float,
-    u: float,
-    t: float,
-    h: float,
-    z: Any,
-    p: Any,
-) -> tuple[float, float, float, float, float, float]:
-    begin_piece(x1, x2, t, z)
-    return _smooth(accelerations_on_carts, False, x1, v1, x2, v2, s1, s2, u, t, h, z, p)
+    begin_piece(x1, x2, t, c)
+    return _smooth(x1, v1, x2, v2, s1, s2, u, t, h, z, c, p)
 
 
 @inlined
@@ -151,10 +130,10 @@ def smooth(
     Additional states are read from the first row of ``z`` and left in its last.
     """
     if z is None:
-        return _smooth(accelerations, True, x1, v1, x2, v2, s1, s2, u, t, h, z, p)
+        return _smooth(x1, v1, x2, v2, s1, s2, u, t, h, None, None, p)
     if z[ON_CARTS] > 0.0:
-        return _smooth_on_carts(x1, v1, x2, v2, s1, s2, u, t, h, z, p)
-    return _smooth_full(x1, v1, x2, v2, s1, s2, u, t, h, z, p)
+        return _smooth_beyond(x1, v1, x2, v2, s1, s2, u, t, h, None, z, p)
+    return _smooth_beyond(x1, v1, x2, v2, s1, s2, u, t, h, z, z, p)
 
 
 @called

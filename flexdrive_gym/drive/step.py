@@ -161,8 +161,8 @@ def step_through_events(
 
         theta_1, theta_2 = 2.0, 2.0
         if stop_1 or stop_2:
-            a1, a2 = accelerations(x1, v1, x2, v2, s1, s2, u, t, z, 0, p)
-            e1, e2 = accelerations(y1, w1, y2, w2, s1, s2, u, t + left, z, trial, p)
+            a1, a2 = accelerations(x1, v1, x2, v2, s1, s2, u, t, z, z, 0, p)
+            e1, e2 = accelerations(y1, w1, y2, w2, s1, s2, u, t + left, z, z, trial, p)
             if stop_1:
                 theta_1 = crossing(v1, a1 * left, w1, e1 * left)
             if stop_2:

@@ -218,10 +218,10 @@ def nuisance(
             dry[f"d{c + 1}"] = coulomb * max(1.0 + own, _LEAST_FRICTION)
             knots = rng.standard_normal(joints * step // coarse + 2)
             low, high = float(way.min()), float(way.max())
+            track, short, long = (profile.table(low, high) for profile in (profiles[c], hills[c], slopes[c]))
             _draw_force(
-                step, way, keep, steps, _COARSE, knots, coarse, *profiles[c].table(low, high), *hills[c].table(low, high),
-                *slopes[c].table(low, high), level, within, rough, (level - coulomb) * own, noise, slope, shared[c], height,
-                sign[c], force[c],
+                step, way, keep, steps, _COARSE, knots, coarse, track, short, long, level, within, rough, (level - coulomb) * own,
+                noise, slope, shared[c], height, sign[c], force[c],
             )  # fmt: skip
         days.append(Disturbance(force, dry))
     return days
@@ -236,13 +236,20 @@ def _at(place: float, values: Any) -> float:
     return float(values[below] + (place - below) * (values[below + 1] - values[below]))
 
 
+@inlined
+def _along(x: float, table: Any) -> float:
+    """Return a function of position from its table: first place, spacing, and values, straight between and constant beyond."""
+    first, step, values = table
+    return _at((x - first) / step, values)
+
+
 @kernel
-def _between(x: Any, first: float, step: float, values: Any) -> Any:
-    """Return a function that is straight between points at equal distances, and constant beyond them."""
-    out = np.empty(len(x))
+def _all_along(x: Any, table: Any) -> Any:
+    """Return the values of such a function at many positions."""
+    found = np.empty(len(x))
     for i in range(len(x)):
-        out[i] = _at((x[i] - first) / step, values)
-    return out
+        found[i] = _along(x[i], table)
+    return found
 
 
 @kernel
@@ -254,14 +261,8 @@ def _draw_force(
     per_step: int,
     knots: Any,
     per_knot: int,
-    rough_from: float,
-    rough_by: float,
-    rough_track: Any,
-    hills_from: float,
-    hills_by: float,
+    track: Any,
     hills: Any,
-    slopes_from: float,
-    slopes_by: float,
     slopes: Any,
     level: float,
     within: float,
@@ -277,7 +278,7 @@ def _draw_force(
     """Write the force on one cart [V]: drawn at joints every ``step`` samples, and straight between them but for friction's sign.
 
     ``way`` is where the cart is at the joints [mm]; ``steps`` drive friction that wanders, and ``knots`` are noise, one in
-    ``per_step`` and ``per_knot`` samples; of every profile along the track its first place, its spacing [mm] and its values.
+    ``per_step`` and ``per_knot`` samples; rough track, hills and slopes are tables.
     """
     slow, gain, last = np.empty(len(steps)), np.sqrt(1.0 - keep**2), 0.0
     for i in range(len(steps)):
@@ -286,11 +287,9 @@ def _draw_force(
     push, friction = np.empty(len(way)), np.empty(len(way))
     for j in range(len(way)):
         wander = _at(j * step / per_step, slow)
-        friction[j] = level * (within * wander + rough * _at((way[j] - rough_from) / rough_by, rough_track)) + own
-        along = _at((way[j] - slopes_from) / slopes_by, slopes)
-        push[j] = noise * _at(j * step / per_knot, knots) + (
-            slope * (along - shared) + height * _at((way[j] - hills_from) / hills_by, hills)
-        )
+        friction[j] = level * (within * wander + rough * _along(way[j], track)) + own
+        tilted, hilly = slope * (_along(way[j], slopes) - shared), height * _along(way[j], hills)
+        push[j] = noise * _at(j * step / per_knot, knots) + (tilted + hilly)
     for j in range(len(way) - 1):
         pushes_more, rubs_more = push[j + 1] - push[j], friction[j + 1] - friction[j]
         for i in range(j * step, min((j + 1) * step, len(out))):
@@ -322,7 +321,7 @@ class _Profile:
 
     def mean(self, x: FloatArray) -> float:
         """Return its mean over places [mm]."""
-        return float(np.mean(_between(x, *self.table(float(x.min()), float(x.max())))))
+        return float(np.mean(_all_along(x, self.table(float(x.min()), float(x.max())))))
 
     def _waves(self, first: float, step: float, count: int) -> FloatArray:
         """Return the sum of all cosines at equal distances, by their angles' sums: coarse places, and fine ones beyond each."""

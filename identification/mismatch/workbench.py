@@ -19,8 +19,6 @@ seen best among the first, for every single run might have had it by itself; mos
 
 from __future__ import annotations
 
-import threading
-from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
@@ -30,16 +28,16 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from flexdrive_gym.recording import BoolArray, FloatArray
+from flexdrive_gym.recording import FloatArray
 from identification.mismatch.crew import Crew
+from identification.mismatch.recent import Recent
+from identification.mismatch.rows import rows_of
 from identification.output_error import Run
 from identification.together import Together
 
 View = Literal["comparable", "weighted"]
 # columns of a whole catalogue, kept in single precision: what they explain is a share
 Columns = npt.NDArray[np.float32]
-# columns of which a recording is worth a thread
-_MANY = 8
 # residuals of whole lab days that are kept
 _REMEMBERED = 48
 # days that are written at once, for a column is scattered over memory
@@ -48,49 +46,6 @@ _DAYS = 8
 _SIDE_BY_SIDE = 32
 # tasks per thread that a lab day is split into
 _PARTS = 2
-
-
-@dataclass(frozen=True, eq=False)
-class Rows:
-    """Where the blocks of every recording and cart lie in one long vector.
-
-    Attributes
-    ----------
-    starts
-        First block of every recording, and the end.
-    blocks
-        Blocks per cart of every recording.
-    valid
-        Which blocks no fault touches, shape (N,).
-    cart
-        Cart of every block, 0 or 1, shape (N,).
-    time
-        Start of every block [s], shape (N,).
-    """
-
-    starts: tuple[int, ...]
-    blocks: tuple[int, ...]
-    valid: BoolArray
-    cart: FloatArray
-    time: FloatArray
-
-    def of(self, run: int) -> slice:
-        """Return the rows of one recording."""
-        return slice(self.starts[run], self.starts[run + 1])
-
-
-def _rows(runs: Sequence[Run]) -> Rows:
-    starts, blocks, valid, cart, time = [0], [], [], [], []
-    for run in runs:
-        edges = np.arange(0, len(run.u), run.block)
-        blocks.append(len(edges))
-        for c, keep in enumerate(run.keep):
-            share = np.add.reduceat(keep.astype(float), edges) / np.diff(np.append(edges, len(run.u)))
-            valid.append(share > 0.5)
-            cart.append(np.full(len(edges), c))
-            time.append(edges * run.sample_time)
-        starts.append(starts[-1] + len(run.keep) * len(edges))
-    return Rows(tuple(starts), tuple(blocks), np.concatenate(valid), np.concatenate(cart), np.concatenate(time))
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,27 +78,6 @@ FRICTION = Prior("friction", 0.06, 0.02, 0.15)
 OFFSET = Prior("offset", 0.01, 0.002, 0.015)
 
 
-class _Recent:
-    """What was found lately: rivals begin at the same drives, and are asked for the same residuals."""
-
-    def __init__(self, most: int) -> None:
-        self._most, self._found, self._lock = most, OrderedDict[Hashable, FloatArray](), threading.Lock()
-
-    def of(self, key: Hashable, find: Callable[[], FloatArray]) -> FloatArray:
-        """Return what was found for a key, not to be written to; find it if need be."""
-        with self._lock:
-            if key in self._found:
-                self._found.move_to_end(key)
-                return self._found[key]
-        found = find()
-        found.flags.writeable = False
-        with self._lock:
-            self._found[key] = found
-            while len(self._found) > self._most:
-                self._found.popitem(last=False)
-        return found
-
-
 class Workbench:
     """Recordings of one drive, and what is needed to compare models of it.
 
@@ -162,8 +96,8 @@ class Workbench:
         self.pool = pool
         self.parts = parts
         self.together = Together(self.runs)
-        self._recent = _Recent(_REMEMBERED)
-        self.rows = _rows(self.runs)
+        self._recent = Recent(_REMEMBERED)
+        self.rows = rows_of(self.runs)
         self.weights = self.rows.valid.astype(float)
         self.offsets = np.zeros(len(self.runs))
         self.spread: dict[str, float] = {}
@@ -194,11 +128,12 @@ class Workbench:
         self, values: Mapping[str, float] | Sequence[Mapping[str, float]], *, parallel: bool = True
     ) -> FloatArray:
         """Return the block residuals of all recordings [mm/s], shape (N,), of one drive or of one per recording."""
-        if isinstance(values, Mapping):
-            return self._recent.of(
-                (frozenset(values.items()), self.offsets.tobytes()), lambda: self._residual(values, parallel)
-            )
-        return self._residual(values, parallel)
+        if not isinstance(values, Mapping):
+            return self._residual(values, parallel)
+        return self._recent.of(self._key(values), lambda: self._residual(values, parallel))
+
+    def _key(self, values: Mapping[str, float], *more: str) -> Hashable:
+        return (frozenset(values.items()), self.offsets.tobytes(), *more)
 
     def _residual(self, values: Mapping[str, float] | Sequence[Mapping[str, float]], parallel: bool) -> FloatArray:
         if not parallel:
@@ -267,7 +202,7 @@ class Workbench:
             nothing = [np.zeros((2, len(run.u))) for run in self.runs]
             return self.together.residual(values, self.offsets, pushes=nothing)
 
-        return self._recent.of((frozenset(values.items()), self.offsets.tobytes(), "unpushed"), found)
+        return self._recent.of(self._key(values, "unpushed"), found)
 
     def weigh(self, residual: FloatArray) -> None:
         """Set weights from the residuals of the present model."""
@@ -403,8 +338,7 @@ class Workbench:
                     if taken:
                         y[rows] -= taken[r] @ (taken[r].T @ y[rows])
 
-        many = x.ndim > 1 and int(x.shape[-1]) > _MANY
-        list(self.pool.map(some, ((r, r + 1) for r in range(len(self.runs))) if many else self._shares()))
+        list(self.pool.map(some, self._shares()))
         return y
 
     def without(self, X: FloatArray, hidden: FloatArray) -> FloatArray:

@@ -43,8 +43,8 @@ def test_discussions_are_answered_with_numbers(page):
 
 def test_faults_of_the_sample_are_listed(page):
     # the two frozen encoders that the sample's maker put in
-    assert re.search(r"sine_2\.5V_1\.0Hz</td><td>encoder_1</td><td>encoder_dropout", page)
-    assert re.search(r"square_2\.0V_0\.5Hz_a</td><td>encoder_1</td><td>encoder_dropout", page)
+    assert re.search(r"sine_2\.5V_1\.0Hz</td><td>encoder 1</td><td>encoder dropout", page)
+    assert re.search(r"square_2\.0V_0\.5Hz_a</td><td>encoder 1</td><td>encoder dropout", page)
 
 
 def test_report_without_p_control_simulates_it(recordings):

@@ -45,7 +45,10 @@ def test_base_effects_are_linear_and_their_friction_is_constant_as_the_series_ne
     def force(state, s=0.0):
         x1, v1, x2, v2 = state
         fs = forces.spring_force(x1 - x2, v1 - v2, None, 0, p)
-        one, two = forces.force_1(x1, v1, s, 0.0, fs, 0.7, None, 0, p), forces.force_2(x2, v2, s, fs, 0.7, None, 0, p)
+        one, two = (
+            forces.force_1(x1, v1, s, 0.0, fs, 0.7, None, None, 0, p),
+            forces.force_2(x2, v2, s, fs, 0.7, None, None, 0, p),
+        )
         return np.array([one, two])
 
     assert np.allclose(force(a + 2.0 * b), force(a) + 2.0 * force(b), rtol=1e-13)
@@ -61,7 +64,10 @@ def test_what_units_do_says_what_any_state_does():
     units = np.zeros(layout.RESPONSES)
     series.respond(h, p, units, 1)
     fs = forces.spring_force(x1 - x2, v1 - v2, None, 0, p)
-    f1, f2 = forces.force_1(x1, v1, 0.0, u, fs, 0.7, None, 0, p), forces.force_2(x2, v2, 0.0, fs, 0.7, None, 0, p)
+    f1, f2 = (
+        forces.force_1(x1, v1, 0.0, u, fs, 0.7, None, None, 0, p),
+        forces.force_2(x2, v2, 0.0, fs, 0.7, None, None, 0, p),
+    )
     assert units[:4] @ [v1, v2, x1 - x2, u] == pytest.approx(h * f1 / RIG["m1"], rel=1e-12)
     assert units[5:8] @ [v1, v2, x1 - x2] == pytest.approx(h * f2 / RIG["m2"], rel=1e-12)
     assert units[[4, 8]] == pytest.approx([h * RIG["d1"] / RIG["m1"], h * RIG["d2"] / RIG["m2"]], rel=1e-12)

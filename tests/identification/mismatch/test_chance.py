@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from identification.mismatch.chance import Chance, _between, _draw_force
+from identification.mismatch.chance import Chance, _all_along, _draw_force
 
 
 def test_straight_lines_between_points_are_those_of_numpy():
     rng = np.random.default_rng(0)
     y, x = rng.standard_normal(50), rng.uniform(-20.0, 90.0, 1000)
-    assert _between(x, -3.0, 1.5, y) == pytest.approx(np.interp(x, -3.0 + 1.5 * np.arange(50), y), abs=1e-12)
+    assert _all_along(x, (-3.0, 1.5, y)) == pytest.approx(np.interp(x, -3.0 + 1.5 * np.arange(50), y), abs=1e-12)
 
 
 def test_a_drawn_force_is_the_sum_that_the_page_states():
@@ -21,7 +21,7 @@ def test_a_drawn_force_is_the_sum_that_the_page_states():
     way, steps, knots = rng.uniform(-9.0, 9.0, len(joints)), rng.standard_normal(5), rng.standard_normal(14)
     track, hills, slopes = (rng.standard_normal(21) for _ in range(3))
     sign, out, keep = rng.integers(-1, 2, n).astype(float), np.empty(n), 0.7
-    tables = (-10.0, 1.0, track, -10.0, 1.0, hills, -10.0, 1.0, slopes)
+    tables = ((-10.0, 1.0, profile) for profile in (track, hills, slopes))
     _draw_force(step, way, keep, steps, 50, knots, 10, *tables, 0.3, 0.05, 0.1, 0.02, 0.04, 0.006, 0.5, 0.01, sign, out)
     slow = lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], steps)
     at, grid = joints * step, np.arange(-10.0, 11.0)

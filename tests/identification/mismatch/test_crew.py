@@ -61,40 +61,20 @@ def test_a_crew_of_none_is_refused():
         Crew(0)
 
 
-def test_who_becomes_free_later_joins_a_map_on_its_way():
-    seen, busy = set(), threading.Event()
+@pytest.mark.parametrize("asks", [0, 1])
+def test_who_is_done_sooner_helps_with_what_the_other_asks_for(asks):
+    """Whether a helper becomes free while the map is on its way, or who asked for all waits for the last item."""
+    seen, both_at_work = set(), threading.Barrier(2)
 
     def leaf(_):
         seen.add(threading.get_ident())
         time.sleep(0.005)
 
     def task(i):
-        if i == 0:
-            # the other thread is at work when this map begins
-            busy.wait(5.0)
+        both_at_work.wait(5.0)
+        if i == asks:
             return list(crew.map(leaf, range(20)))
-        busy.set()
         return time.sleep(0.02)
-
-    with Crew(2) as crew:
-        list(crew.map(task, range(2)))
-    assert len(seen) == 2
-
-
-def test_who_waits_for_the_last_item_helps_with_what_that_asks_for():
-    seen, taken = set(), threading.Event()
-
-    def leaf(_):
-        seen.add(threading.get_ident())
-        time.sleep(0.005)
-
-    def task(i):
-        if i == 0:
-            # done as soon as the other thread has the last item
-            return taken.wait(5.0)
-        taken.set()
-        time.sleep(0.02)
-        return list(crew.map(leaf, range(20)))
 
     with Crew(2) as crew:
         list(crew.map(task, range(2)))

@@ -1,0 +1,26 @@
+"""Data faults as a table, the same on every page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from baselines.report.page import Section
+from flexdrive_gym import Fault
+
+
+def add_faults(section: Section, faults: Iterable[Fault]) -> None:
+    """Add a table of faults, gathered already."""
+    section.table(
+        ("recording", "channel", "fault", "from [s]", "to [s]", "note"),
+        [
+            (
+                f.recording,
+                f.where.replace("_", " "),
+                f.id.replace("_", " "),
+                f"{f.start_s:.3f}",
+                f"{f.end_s:.3f}",
+                f.note,
+            )
+            for f in faults
+        ],
+    )
