@@ -7,7 +7,9 @@ The simulation is that of :func:`~identification.output_error.simulate_run`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -18,6 +20,7 @@ from flexdrive_gym.drive.effects import N_PARAMETERS, WORKSPACE
 from flexdrive_gym.drive.kernels import NOTHING, run_recording
 from flexdrive_gym.drive.sample import WORK_SPACE
 from flexdrive_gym.recording import FloatArray
+from identification.interleaved import Interleaved
 from identification.output_error import PHYSICS_S, RUNAWAY, Run, drive_vector, held
 
 # entries of a recording's row of whole numbers
@@ -124,6 +127,36 @@ class Together:
         self._measured = np.concatenate([x for run in self.runs for x in run.measured])
         self._keep = np.concatenate([x for run in self.runs for x in run.keep])
         self._longest = int(max(len(u) for u in commands))
+        self._interleaved: dict[tuple[int, int], Interleaved] = {}
+
+    def _fits(self, values: Mapping[str, float], pushes: Sequence[FloatArray] | None) -> bool:
+        """Whether one drive can be replayed in lanes: it has a workspace, and commands that are held from sample to sample."""
+        held_ = bool((self._places[:, _PIECES] == 1).all())
+        return held_ and (pushes is not None or parameters.needs_workspace(values))
+
+    def _lanes(self, first: int, last: int) -> Interleaved:
+        if (first, last) not in self._interleaved:
+            self._interleaved[first, last] = Interleaved(self.runs[first:last])
+        return self._interleaved[first, last]
+
+    def tasks(
+        self, values: Mapping[str, float], offsets: FloatArray, most: int
+    ) -> tuple[FloatArray, list[Callable[[], object]]]:
+        """Return where the residuals of one drive will be, and tasks that write them, which may run side by side.
+
+        ``most`` is how many tasks are worth their while.
+        """
+        out = np.empty(self._rows)
+        if self._fits(values, None):
+            lanes = self._lanes(0, len(self.runs))
+            return out, [partial(lanes.residual, values, offsets, None, g, out) for g in range(len(lanes.groups))]
+        rows = [*self._places[:, _ROW], self._rows]
+
+        def write(first: int, last: int) -> None:
+            out[rows[first] : rows[last]] = self.residual(values, offsets, first, last)
+
+        shares = pairwise(np.linspace(0, len(self.runs), min(len(self.runs), most) + 1).astype(int))
+        return out, [partial(write, *share) for share in shares]
 
     def residual(
         self,
@@ -152,6 +185,8 @@ class Together:
             [mm/s] or [mm].
         """
         last = len(self.runs) if last is None else last
+        if isinstance(values, Mapping) and last - first > 1 and self._fits(values, pushes):
+            return self._lanes(first, last).residual(values, offsets[first:last], pushes)
         asked = range(first, last)
         drives = [values] if isinstance(values, Mapping) else list(values)
         z = np.zeros(WORKSPACE) if pushes is not None or any(parameters.needs_workspace(v) for v in drives) else None

@@ -23,7 +23,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 # Contraction into fused multiply-adds or reassociation would let the batch differ from the single drive in the last
 # bit, so floating point stays strict. Division by zero gives inf as in C: a guard would cost a branch per division.
-_OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": False, "nogil": True}
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": False, "nogil": True}
 
 
 def _digest() -> str:
@@ -48,7 +48,7 @@ def compiled_before() -> bool:
 
 def inlined(function: Function) -> Function:
     """Compile a function into its callers; a loop over such calls can be vectorised."""
-    done: Function = numba.njit(forceinline=True, **_OPTIONS)(function)
+    done: Function = numba.njit(forceinline=True, **OPTIONS)(function)
     return done
 
 
@@ -57,7 +57,7 @@ def called(function: Function) -> Function:
 
     Said outright, because the compiler lets a callee inherit its caller's wish to be inlined.
     """
-    done: Function = numba.njit(forceinline=False, **_OPTIONS)(function)
+    done: Function = numba.njit(forceinline=False, **OPTIONS)(function)
     return done
 
 
@@ -136,12 +136,12 @@ def _cached(function: Function, options: dict[str, Any]) -> Function:
 
 def kernel(function: Function) -> Function:
     """Compile an entry point, cached on disk under the digest of all kernel sources."""
-    return _cached(function, _OPTIONS)
+    return _cached(function, OPTIONS)
 
 
 def kernel_holding_lock(function: Function) -> Function:
     """Compile an entry point that is over sooner than the interpreter's lock could be released and taken again."""
-    return _cached(function, {**_OPTIONS, "nogil": False})
+    return _cached(function, {**OPTIONS, "nogil": False})
 
 
 def entry(function: Any, *arguments: Any) -> Callable[..., Any]:

@@ -24,6 +24,7 @@ from flexdrive_gym.drive.effects import (
     PUSH_2,
     chain,
 )
+from flexdrive_gym.drive.pack import chosen, raised
 
 W1, W2 = 0, 1
 LIMIT = LAYOUT["saturation.limit"].index
@@ -53,6 +54,12 @@ _speed_1, _speed_2 = chain("speed", "encoder_1", base=False), chain("speed", "en
 
 
 @inlined
+def row(i: int) -> Any:
+    """Return where a row of states begins as a plain integer: of a row written as 0 the compiler makes functions of its own."""
+    return np.int64(i)
+
+
+@inlined
 def limited(u: float, p: Any) -> float:
     """Return the command as the amplifier's limit lets it through [V]; this is what a rig records."""
     return min(max(u, -p[LIMIT]), p[LIMIT])
@@ -66,7 +73,7 @@ def _commanded_full(u: float, t: float, z: Any, p: Any) -> float:
 @inlined
 def commanded(u: float, t: float, z: Any, p: Any) -> float:
     """Return the force that a command becomes on its way through the actuator, delays and lags apart [V]."""
-    if z is None or not z[_COMMANDS] > 0.0:
+    if z is None or not raised(z, _COMMANDS):
         return _command_base(u, t, z, 0, p)
     return _commanded_full(u, t, z, p)
 
@@ -86,8 +93,8 @@ def spring_force(delta: float, rate: float, z: Any, r: int, p: Any) -> float:
         return _spring_base(0.0, delta, rate, z, r, p)
     felt = _deflection(delta, z, r, p)
     # within the play the spring is loose: it has neither stiffness nor damping
-    loose = felt == 0.0 and delta != 0.0
-    return _spring_full(0.0, felt, 0.0 if loose else rate, z, r, p)
+    loose = (felt == 0.0) & (delta != 0.0)
+    return _spring_full(0.0, felt, chosen(loose, 0.0, rate), z, r, p)
 
 
 @inlined
@@ -152,7 +159,7 @@ def hold_2(x: float, s: float, fs: float, t: float, z: Any, r: int, p: Any) -> f
 def _margin_1(x1: float, x2: float, v2: float, u: float, t: float, z: Any, r: int, p: Any) -> tuple[float, float]:
     fs = spring_force(x1 - x2, -v2, z, r, p)
     force = force_1(x1, 0.0, 0.0, u, fs, t, z, z, r, p)
-    s = 1.0 if force > 0.0 else -1.0
+    s = chosen(force > 0.0, 1.0, -1.0)
     return force * s - hold_1(x1, s, fs, t, z, r, p), s
 
 
@@ -160,7 +167,7 @@ def _margin_1(x1: float, x2: float, v2: float, u: float, t: float, z: Any, r: in
 def _margin_2(x1: float, x2: float, v1: float, t: float, z: Any, r: int, p: Any) -> tuple[float, float]:
     fs = spring_force(x1 - x2, v1, z, r, p)
     force = force_2(x2, 0.0, 0.0, fs, t, z, z, r, p)
-    s = 1.0 if force > 0.0 else -1.0
+    s = chosen(force > 0.0, 1.0, -1.0)
     return force * s - hold_2(x2, s, fs, t, z, r, p), s
 
 
@@ -179,8 +186,7 @@ def margin_1(x1: float, x2: float, v2: float, u: float, t: float, z: Any, r: int
     """Return by how much the force on cart 1 at rest leaves the friction set [V], negative while held, and its sign."""
     if z is None:
         return _margin_1(x1, x2, v2, u, t, z, r, p)
-    # a plain integer, or the compiler makes a function more for the row that is written as 0
-    return _margin_1_full(x1, x2, v2, u, t, z, np.int64(r), p)
+    return _margin_1_full(x1, x2, v2, u, t, z, row(r), p)
 
 
 @inlined
@@ -188,7 +194,7 @@ def margin_2(x1: float, x2: float, v1: float, t: float, z: Any, r: int, p: Any) 
     """Return by how much the force on cart 2 at rest leaves the friction set [V], negative while held, and its sign."""
     if z is None:
         return _margin_2(x1, x2, v1, t, z, r, p)
-    return _margin_2_full(x1, x2, v1, t, z, np.int64(r), p)
+    return _margin_2_full(x1, x2, v1, t, z, row(r), p)
 
 
 @inlined
@@ -210,7 +216,7 @@ def accelerations(
     fs = spring_force(x1 - x2, v1 - v2, z, r, p)
     a1 = p[W1] * (force_1(x1, v1, s1, u, fs, t, z, c, r, p) - s1 * level_1(x1, v1, s1, fs, t, z, r, p))
     a2 = p[W2] * (force_2(x2, v2, s2, fs, t, z, c, r, p) - s2 * level_2(x2, v2, s2, fs, t, z, r, p))
-    return (a1 if s1 != 0.0 else 0.0), (a2 if s2 != 0.0 else 0.0)
+    return chosen(s1 != 0.0, a1, 0.0), chosen(s2 != 0.0, a2, 0.0)
 
 
 @called
@@ -257,7 +263,7 @@ def _readings_full(
 @inlined
 def readings(x1: float, v1: float, x2: float, v2: float, t: float, h: float, z: Any, p: Any) -> tuple[float, float]:
     """Return the positions that the encoders report [mm], sampled every h."""
-    if z is None or not z[_READS_1] + z[_READS_2] > 0.0:
+    if z is None or not (raised(z, _READS_1) or raised(z, _READS_2)):
         return _reading_1_base(x1, x1, v1, t, h, z, 0, p), _reading_2_base(x2, x2, v2, t, h, z, 0, p)
     return _readings_full(x1, v1, x2, v2, t, h, z, p)
 

@@ -11,7 +11,8 @@ from typing import Any
 
 from flexdrive_gym.drive.compilation import called, inlined, shifted
 from flexdrive_gym.drive.effects import FLAG, LAYOUT, N_BASE_PARAMETERS, N_STATES, ON_CARTS
-from flexdrive_gym.drive.forces import accelerations, begin_piece, rates
+from flexdrive_gym.drive.forces import accelerations, begin_piece, rates, row
+from flexdrive_gym.drive.pack import raised
 
 D1, D2 = LAYOUT["d1"].index, LAYOUT["d2"].index
 TABLE = 61
@@ -28,13 +29,13 @@ def width(z: Any) -> int:
 
 @inlined
 def _slopes(slope: int, x1: float, v1: float, x2: float, v2: float, u: float, t: float, z: Any, r: int, p: Any) -> None:
-    if z is not None and z[INTEGRATES] != 0.0:
+    if z is not None and raised(z, INTEGRATES):
         rates(slope * width(z) - r, x1, v1, x2, v2, u, t, z, r, p)
 
 
 @inlined
 def _stage(slope: int, h: float, z: Any) -> None:
-    if z is not None and z[INTEGRATES] != 0.0:
+    if z is not None and raised(z, INTEGRATES):
         n = width(z)
         for i in range(n):
             z[n + i] = z[i] + h * z[slope * n + i]
@@ -56,9 +57,9 @@ def _smooth(
     p: Any,
 ) -> tuple[float, float, float, float, float, float]:
     half = 0.5 * h
-    n = width(z)
-    a1, b1 = accelerations(x1, v1, x2, v2, s1, s2, u, t, z, c, 0, p)
-    _slopes(2, x1, v1, x2, v2, u, t, z, 0, p)
+    r, n = row(0), row(width(z))
+    a1, b1 = accelerations(x1, v1, x2, v2, s1, s2, u, t, z, c, r, p)
+    _slopes(2, x1, v1, x2, v2, u, t, z, r, p)
 
     v1b, v2b = v1 + half * a1, v2 + half * b1
     x1b, x2b = x1 + half * v1, x2 + half * v2
@@ -79,7 +80,7 @@ def _smooth(
     _slopes(5, x1d, v1d, x2d, v2d, u, t + h, z, n, p)
 
     sixth = h / 6.0
-    if z is not None and z[INTEGRATES] != 0.0:
+    if z is not None and raised(z, INTEGRATES):
         for i in range(n):
             z[6 * n + i] = z[i] + sixth * (z[2 * n + i] + 2.0 * (z[3 * n + i] + z[4 * n + i]) + z[5 * n + i])
     return (
@@ -131,7 +132,7 @@ def smooth(
     """
     if z is None:
         return _smooth(x1, v1, x2, v2, s1, s2, u, t, h, None, None, p)
-    if z[ON_CARTS] > 0.0:
+    if raised(z, ON_CARTS):
         return _smooth_beyond(x1, v1, x2, v2, s1, s2, u, t, h, None, z, p)
     return _smooth_beyond(x1, v1, x2, v2, s1, s2, u, t, h, z, z, p)
 

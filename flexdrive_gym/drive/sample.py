@@ -17,6 +17,7 @@ from flexdrive_gym.drive.effects import (
     prepare,
 )
 from flexdrive_gym.drive.forces import begin_effects, commanded, rate_1, rate_2, readings
+from flexdrive_gym.drive.pack import chosen, leading
 from flexdrive_gym.drive.piece import TABLE
 from flexdrive_gym.drive.step import step
 
@@ -51,6 +52,26 @@ def advance(
     An input delay of whole samples plus a remainder makes the sample two pieces: the older command acts for the
     remainder, the newer one for the rest.
     """
+    return advance_by(step, x1, v1, x2, v2, command, t, sample_time, substeps, table, memory, z, p)
+
+
+@inlined
+def advance_by(
+    step: Any,
+    x1: Any,
+    v1: Any,
+    x2: Any,
+    v2: Any,
+    command: Any,
+    t: float,
+    sample_time: float,
+    substeps: int,
+    table: Any,
+    memory: Any,
+    z: Any,
+    p: Any,
+) -> tuple[Any, Any, Any, Any]:
+    """See :func:`advance`; ``step`` is that of one drive, or of several recordings side by side."""
     u = commanded(command, t, z, p)
     delay = p[DELAY]
     if delay == 0.0:
@@ -59,7 +80,7 @@ def advance(
             x1, v1, x2, v2 = step(x1, v1, x2, v2, u, t + i * h, h, table, z, p)
         return x1, v1, x2, v2
 
-    head = (int(memory[_HEAD]) + 1) % RING
+    head = (int(leading(memory[_HEAD])) + 1) % RING
     memory[_HEAD] = head
     memory[_COMMANDS + head] = u
     # a delay that is whole up to round-off is whole
@@ -121,10 +142,9 @@ def clear(v1: float, v2: float, memory: Any, z: Any, p: Any) -> None:
 def anchor(track_1: float, track_2: float, x1: float, x2: float, z: Any) -> None:
     """Tell the effects of position where the rig's carts were; not a number where that is unknown."""
     if z is not None:
-        if track_1 == track_1:  # noqa: PLR0124  (false for nan)
-            z[ANCHOR_1] = track_1 - x1
-        if track_2 == track_2:  # noqa: PLR0124
-            z[ANCHOR_2] = track_2 - x2
+        # nothing that is not a number equals itself
+        z[ANCHOR_1] = chosen(track_1 == track_1, track_1 - x1, z[ANCHOR_1])  # noqa: PLR0124
+        z[ANCHOR_2] = chosen(track_2 == track_2, track_2 - x2, z[ANCHOR_2])  # noqa: PLR0124
 
 
 @inlined

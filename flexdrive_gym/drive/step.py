@@ -42,7 +42,9 @@ from flexdrive_gym.drive.forces import (
     level_2,
     margin_1,
     margin_2,
+    row,
 )
+from flexdrive_gym.drive.pack import raised
 from flexdrive_gym.drive.piece import INTEGRATES, leap, smooth, width
 
 MAX_EVENTS = 12
@@ -54,11 +56,11 @@ def _linear(z: Any) -> bool:
     """Whether the drive is linear between events."""
     if z is None:
         return True
-    return z[LINEAR] != 0.0
+    return raised(z, LINEAR)
 
 
 @inlined
-def _forces(
+def forces(
     x1: float, v1: float, x2: float, v2: float, s1: float, s2: float, u: float, t: float, z: Any, p: Any
 ) -> tuple[float, float]:
     """Return the forces on the carts [V], besides spring and dampers, of a drive that is linear between events."""
@@ -78,14 +80,14 @@ def _direction(v: float, released: float, margin: float, sign: float) -> float:
 
 
 @inlined
-def _commit(x1: float, x2: float, s1: float, s2: float, u: float, t: float, z: Any, p: Any) -> None:
+def commit(x1: float, x2: float, s1: float, s2: float, u: float, t: float, z: Any, p: Any) -> None:
     """Keep what the last smooth piece, which ended at these positions and this time, made of the effects' states."""
     if z is not None:
-        if z[INTEGRATES] != 0.0:
+        if raised(z, INTEGRATES):
             n = width(z)
             for i in range(n):
                 z[i] = z[6 * n + i]
-        if z[_FINISHES_1] + z[_FINISHES_2] + z[_FINISHES_ACTUATOR] != 0.0:
+        if raised(z, _FINISHES_1) or raised(z, _FINISHES_2) or raised(z, _FINISHES_ACTUATOR):
             finish_piece(x1, x2, s1, s2, u, t, z, p)
             begin_piece(x1, x2, t, z)
 
@@ -98,14 +100,14 @@ def step(
     y1, w1, y2, w2, sliding = x1, v1, x2, v2, False
     s1, s2 = (1.0 if v1 > 0.0 else -1.0), (1.0 if v2 > 0.0 else -1.0)
     if _linear(z):
-        f1, f2 = _forces(x1, v1, x2, v2, s1, s2, u, t, z, p)
+        f1, f2 = forces(x1, v1, x2, v2, s1, s2, u, t, z, p)
         y1, w1, y2, w2 = leap(0, x1, v1, x2, v2, f1, f2, table)
         sliding = v1 != 0.0 and v2 != 0.0 and s1 * w1 > 0.0 and s2 * w2 > 0.0 and h == table[60]
     elif v1 != 0.0 and v2 != 0.0:
         y1, w1, y2, w2, _a1, _a2 = smooth(x1, v1, x2, v2, s1, s2, u, t, h, z, p)
         sliding = s1 * w1 > 0.0 and s2 * w2 > 0.0
         if sliding:
-            _commit(y1, y2, s1, s2, u, t + h, z, p)
+            commit(y1, y2, s1, s2, u, t + h, z, p)
     if not sliding:
         y1, w1, y2, w2 = step_through_events(x1, v1, x2, v2, u, t, h, table, z, p)
     return y1, w1, y2, w2
@@ -129,7 +131,7 @@ def _piece(
     """Integrate one smooth piece, by the table where it fits."""
     if h == table[60] and (s1 != 0.0 or s2 != 0.0) and _linear(z):
         mode = 20 if s1 == 0.0 else 40 if s2 == 0.0 else 0
-        f1, f2 = _forces(x1, v1, x2, v2, s1, s2, u, t, z, p)
+        f1, f2 = forces(x1, v1, x2, v2, s1, s2, u, t, z, p)
         return leap(mode, x1, v1, x2, v2, f1, f2, table)
     y1, w1, y2, w2, _a1, _a2 = smooth(x1, v1, x2, v2, s1, s2, u, t, h, z, p)
     return y1, w1, y2, w2
@@ -156,13 +158,13 @@ def step_through_events(
         over_2, free_2 = margin_2(y1, y2, w1, t + left, z, trial, p) if s2 == 0.0 and p[W2] > 0.0 else (0.0, 0.0)
         loose_1, loose_2 = over_1 > 0.0, over_2 > 0.0
         if attempt == MAX_EVENTS - 1 or not (stop_1 or stop_2 or loose_1 or loose_2):
-            _commit(y1, y2, s1, s2, u, t + left, z, p)
+            commit(y1, y2, s1, s2, u, t + left, z, p)
             return y1, 0.0 if stop_1 else w1, y2, 0.0 if stop_2 else w2
 
         theta_1, theta_2 = 2.0, 2.0
         if stop_1 or stop_2:
-            a1, a2 = accelerations(x1, v1, x2, v2, s1, s2, u, t, z, z, 0, p)
-            e1, e2 = accelerations(y1, w1, y2, w2, s1, s2, u, t + left, z, z, trial, p)
+            a1, a2 = accelerations(x1, v1, x2, v2, s1, s2, u, t, z, z, row(0), p)
+            e1, e2 = accelerations(y1, w1, y2, w2, s1, s2, u, t + left, z, z, row(trial), p)
             if stop_1:
                 theta_1 = crossing(v1, a1 * left, w1, e1 * left)
             if stop_2:
@@ -175,7 +177,7 @@ def step_through_events(
         theta = min(theta_1, theta_2)
         h_event = theta * left
         x1, v1, x2, v2, _a1, _a2 = smooth(x1, v1, x2, v2, s1, s2, u, t, h_event, z, p)
-        _commit(x1, x2, s1, s2, u, t + h_event, z, p)
+        commit(x1, x2, s1, s2, u, t + h_event, z, p)
         released_1, released_2 = 0.0, 0.0
         if theta_1 <= theta:
             v1 = 0.0

@@ -138,10 +138,13 @@ class Workbench:
     def _residual(self, values: Mapping[str, float] | Sequence[Mapping[str, float]], parallel: bool) -> FloatArray:
         if not parallel:
             return self.together.residual(values, self.offsets)
+        if isinstance(values, Mapping):
+            out, tasks = self.together.tasks(values, self.offsets, _PARTS * self.pool.threads)
+            list(self.pool.map(lambda task: task(), tasks))
+            return out
 
         def some(part: tuple[int, int]) -> FloatArray:
-            drives = values if isinstance(values, Mapping) else values[part[0] : part[1]]
-            return self.together.residual(drives, self.offsets, *part)
+            return self.together.residual(values[part[0] : part[1]], self.offsets, *part)
 
         return np.concatenate(list(self.pool.map(some, self._shares())))
 

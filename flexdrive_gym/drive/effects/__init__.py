@@ -16,6 +16,7 @@ import numpy as np
 
 from flexdrive_gym.drive.compilation import called, inlined
 from flexdrive_gym.drive.effects._effect import RING, SITES, Effect, Parameter, Site, Where
+from flexdrive_gym.drive.pack import leading, raised
 
 __all__ = ["EFFECTS", "LAYOUT", "RING", "SITES", "Effect", "Parameter", "Slot", "Where", "chain"]
 
@@ -139,6 +140,23 @@ _HOOK_FLAG = {
 }
 _MEMORY = _HOOK_FLAGS + len(_HOOK_FLAG)
 WORKSPACE = _MEMORY + N_MEMORY
+# what a step reads and writes of a workspace, besides flags: the state, the places and forces of a replay, what effects
+# remember that are no encoder's
+SEEN_BY_STEP = np.array(
+    [
+        *range(N_STATES),
+        *range(ROWS * N_STATES, _FLAGS),
+        *sorted(
+            {
+                _MEMORY + slot.memory_index + i
+                for slot in LAYOUT.values()
+                if "reading" not in slot.effect.hooks
+                for i in range(slot.effect.memory)
+            }
+        ),
+    ],
+    dtype=np.int64,
+)
 
 
 def _lines(site: str, where: str | None, names: dict[str, Any], *, base: bool) -> list[str]:
@@ -151,8 +169,7 @@ def _lines(site: str, where: str | None, names: dict[str, Any], *, base: bool) -
         own = f"r + {slot.state_index}" if slot.effect.states else f"{_MEMORY + slot.memory_index}"
         arguments = ["acc", _ARGUMENTS[site], f"z, {own}" if site in _REMEMBERING else "", f"p, {slot.base_index}"]
         flag = None if slot.effect.base else _HOOK_FLAG[site, where, slot.effect.id, slot.where]
-        # greater, because the compiler makes two branches of an equality that nan might enter
-        condition = "" if flag is None else f"if z[{flag}] > 0.0: "
+        condition = "" if flag is None else f"if raised(z, {flag}): "
         lines.append(f"{condition}acc = {name}({', '.join(a for a in arguments if a)})")
     return lines
 
@@ -171,11 +188,11 @@ def chain(site: Site, where: str | None = None, *, base: bool) -> Callable[..., 
         Whether to compose only the effects that every drive has. The chain with all of them has a flag in the workspace and
         skips them where it is not set.
     """
-    names: dict[str, Any] = {}
+    names: dict[str, Any] = {"raised": raised}
     lines = _lines(site, where, names, base=True)
     if not base:
         skip = [f"    {line}" for line in [*lines, "return acc"]]
-        lines = [f"if not z[{FLAG[site, where]}] > 0.0:", *skip, *_lines(site, where, names, base=False)]
+        lines = [f"if not raised(z, {FLAG[site, where]}):", *skip, *_lines(site, where, names, base=False)]
     arguments = ", ".join(a for a in ("acc", _ARGUMENTS[site], "z, r, p") if a)
     source = "\n    ".join([f"def composed({arguments}):", *lines, "return acc\n"])
     # The hooks are known only once all files are found, and a compiled call must be written out; hence source text.
@@ -220,8 +237,8 @@ def prepare(z: Any, p: Any) -> None:
             z[_SWITCH_FLAG[i]] = 1.0
     of_carts, elsewhere = 0.0, 0.0
     for i in range(len(_OF_CARTS)):
-        of_carts += z[_OF_CARTS[i]]
+        of_carts += leading(z[_OF_CARTS[i]])
     for i in range(len(_ELSEWHERE)):
-        elsewhere += z[_ELSEWHERE[i]]
+        elsewhere += leading(z[_ELSEWHERE[i]])
     z[LINEAR] = 1.0 if of_carts + elsewhere == 0.0 else 0.0
     z[ON_CARTS] = 1.0 if elsewhere == 0.0 else 0.0

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 from flexdrive_gym.drive.effects._effect import RING, Effect, Parameter
+from flexdrive_gym.drive.pack import leading
 
 
 def _reading(y: float, x: float, v: float, t: float, h: float, z: Any, oz: int, p: Any, o: int) -> float:
@@ -19,7 +20,7 @@ def _reading(y: float, x: float, v: float, t: float, h: float, z: Any, oz: int, 
         for i in range(RING):
             z[oz + 1 + i] = y - v * h * (RING - i)
         z[oz] = -1.0
-    head = (int(z[oz]) + 1) % RING
+    head = (int(leading(z[oz])) + 1) % RING
     z[oz] = head
     z[oz + 1 + head] = y
     # a delay that is whole up to round-off is whole

@@ -25,6 +25,7 @@ import numpy as np
 
 from flexdrive_gym.drive.compilation import inlined
 from flexdrive_gym.drive.effects._effect import Effect, Parameter
+from flexdrive_gym.drive.pack import chosen
 
 _LAMBDA = 0.01
 
@@ -32,10 +33,9 @@ _LAMBDA = 0.01
 @inlined
 def _contact(rho: float, rate: float, gap: float, stiffness: float) -> float:
     inside = rho - min(max(rho, -gap), gap)
-    if inside == 0.0:
-        return 0.0
     # a contact pushes, it does not pull
-    return stiffness * inside * max(1.0 + (_LAMBDA if inside > 0.0 else -_LAMBDA) * rate, 0.0)
+    push = stiffness * inside * max(1.0 + chosen(inside > 0.0, _LAMBDA, -_LAMBDA) * rate, 0.0)
+    return chosen(inside == 0.0, 0.0, push)
 
 
 def _transmission(u: float, v1: float, z: Any, oz: int, p: Any, o: int) -> float:

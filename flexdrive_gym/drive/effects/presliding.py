@@ -23,6 +23,7 @@ import numpy as np
 
 from flexdrive_gym.drive.compilation import inlined
 from flexdrive_gym.drive.effects._effect import Effect, Parameter
+from flexdrive_gym.drive.pack import anywhere, chosen
 
 _SETTLED = 1e-12
 _SMALL = 0.25
@@ -33,22 +34,23 @@ _PER_40320, _PER_362880, _PER_3628800 = 1.0 / 40320.0, 1.0 / 362880.0, 1.0 / 362
 @inlined
 def _decay(a: float) -> float:
     """Return e^a; what is bent hardly any further within a step, which is the rule, needs no call of the library for it."""
-    if abs(a) > _SMALL:
-        return float(np.exp(a))
     # the series up to a^10 leaves 6e-15
     b = a * a
     c = b * b
     first, second = (1.0 + a) + b * (0.5 + a * _PER_6), _PER_24 + a * _PER_120 + b * (_PER_720 + a * _PER_5040)
-    return first + c * (second + c * (_PER_40320 + a * _PER_362880 + b * _PER_3628800))
+    hardly = first + c * (second + c * (_PER_40320 + a * _PER_362880 + b * _PER_3628800))
+    much = abs(a) > _SMALL
+    return chosen(much, np.exp(a), hardly) if anywhere(much) else hardly
 
 
 @inlined
 def _bristle(bent: float, dx: float, s: float, xs: float) -> float:
     """Return the bristle's deflection after a way, in units of the longest."""
     # neither a cart at rest nor a bristle that is bent as far as it goes moves on
-    if s == 0.0 or dx == 0.0 or abs(bent - s) < _SETTLED:
+    moves = (s != 0.0) & (dx != 0.0) & (abs(bent - s) >= _SETTLED)
+    if not anywhere(moves):
         return bent
-    return s + (bent - s) * _decay(-s * dx / xs)
+    return chosen(moves, s + (bent - s) * _decay(-s * dx / xs), bent)
 
 
 def _cart(f: float, x: float, v: float, s: float, dx: float, t: float, z: Any, oz: int, p: Any, o: int) -> float:
@@ -65,7 +67,7 @@ def _finish(w: int, dx: float, s: float, u: float, dt: float, z: Any, oz: int, p
 
 def _begin(w: int, v: float, v1: float, v2: float, u: float, z: Any, oz: int, p: Any, o: int) -> int:
     # a cart that is already sliding has its bristles bent
-    z[oz] = 1.0 if v > 0.0 else -1.0 if v < 0.0 else 0.0
+    z[oz] = chosen(v > 0.0, 1.0, chosen(v < 0.0, -1.0, 0.0))
     return w
 
 

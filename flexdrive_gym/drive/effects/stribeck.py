@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from flexdrive_gym.drive.effects._effect import Effect, Parameter
+from flexdrive_gym.drive.pack import anywhere, chosen
 
 _GONE = 6.5
 
@@ -23,7 +24,8 @@ def _friction(d: float, x: float, v: float, s: float, fs: float, t: float, p: An
         return d
     ratio = v / p[o + 1]
     # beyond, nothing of the peak is left in double precision
-    return d + p[o] * np.exp(-ratio * ratio) if abs(ratio) < _GONE else d
+    near = abs(ratio) < _GONE
+    return chosen(near, d + p[o] * np.exp(-ratio * ratio), d) if anywhere(near) else d
 
 
 EFFECT = Effect(
