@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from flexdrive_gym.drive.compilation import inlined, kernel, pointer, shifted
-from flexdrive_gym.drive.effects import N_PARAMETERS
+from flexdrive_gym.drive.effects import LEVEL_1, LEVEL_2, N_PARAMETERS
 from flexdrive_gym.drive.pack import WIDTH, chosen, lane, packs_at, spread, with_lane
 from flexdrive_gym.drive.parameters import substeps
 from flexdrive_gym.drive.sample import MEMORY, advance_by, anchor, measure, power_up, push
@@ -59,6 +59,7 @@ def replay_interleaved(
     memory: Any,
     z: Any,
     pushes: Any,
+    levels: Any,
     out: Any,
 ) -> None:
     """Write block means of measured minus simulated for all groups; 0 where no sample is valid."""
@@ -73,6 +74,9 @@ def replay_interleaved(
         offset = packs_at(shifted(way, g * WIDTH))[0]
         x1, v1, x2, v2 = start[0], start[1], start[2], start[3]
         begin_together(v1, v2, h[g], substeps, table, m, w, q)
+        if levels.shape[0] > 0:
+            own = packs_at(shifted(pointer(levels), 2 * g * WIDTH))
+            w[LEVEL_1], w[LEVEL_2] = own[0], own[1]
         anchor(told[1] + offset, told[2] + offset, x1, x2, w)
         r1, r2, s1, s2 = power_up(x1, v1, x2, v2, h[g], m, w, q)
         total_1, total_2, count_1, count_2 = spread(0.0), spread(0.0), spread(0.0), spread(0.0)
@@ -160,6 +164,7 @@ class Interleaved:
         values: Mapping[str, float],
         offsets: FloatArray,
         pushes: Sequence[FloatArray] | None = None,
+        levels: FloatArray | None = None,
         group: int | None = None,
         out: FloatArray | None = None,
     ) -> FloatArray:
@@ -169,6 +174,8 @@ class Interleaved:
 
         Parameters
         ----------
+        levels : ndarray, shape (recordings, 2)
+            Coulomb levels of every run [V], besides those of the drive.
         group
             The only group to replay; default: all.
         out : ndarray, shape (blocks of the recordings,)
@@ -180,9 +187,10 @@ class Interleaved:
             groups[g, [_SUBSTEPS, _PARAMETERS]] = substeps(values, float(h[g]), PHYSICS_S), g * N_PARAMETERS
             p.append(drive_vector(values, self._runs[members[0]]))
         force = np.zeros(0) if pushes is None else np.concatenate([f.ravel() for f in pushes])
+        own = np.zeros(0) if levels is None else levels[self._places[asked]].swapaxes(1, 2).ravel()
         out = np.empty(self._rows) if out is None else out
         replay_interleaved(
             groups, h, self._told, self._starts[asked], offsets[self._places[asked]], self._carts,
-            self._runs[0].positions, RUNAWAY, np.array(p), np.zeros(MEMORIES), np.zeros(WORKSPACES), force, out,
+            self._runs[0].positions, RUNAWAY, np.array(p), np.zeros(MEMORIES), np.zeros(WORKSPACES), force, own, out,
         )  # fmt: skip
         return out

@@ -27,6 +27,14 @@ from identification.output_error import PHYSICS_S, RUNAWAY, Run, drive_vector, h
 _BEGIN, _SAMPLES, _PIECES, _BLOCK, _BLOCKS, _ROW, _FIRST_SAMPLE = range(7)
 
 
+# Coulomb levels, which may be a run's own
+_LEVELS = ("d1", "d2")
+
+
+def _but_levels(values: Mapping[str, float]) -> dict[str, float]:
+    return {name: value for name, value in values.items() if name not in _LEVELS}
+
+
 @inlined
 def _within(x: float, most: float) -> float:
     """Return what is not a number, or farther from zero than ``most``, as ``most``."""
@@ -149,7 +157,7 @@ class Together:
         out = np.empty(self._rows)
         if self._fits(values, None):
             lanes = self._lanes(0, len(self.runs))
-            return out, [partial(lanes.residual, values, offsets, None, g, out) for g in range(len(lanes.groups))]
+            return out, [partial(lanes.residual, values, offsets, group=g, out=out) for g in range(len(lanes.groups))]
         rows = [*self._places[:, _ROW], self._rows]
 
         def write(first: int, last: int) -> None:
@@ -189,6 +197,14 @@ class Together:
             return self._lanes(first, last).residual(values, offsets[first:last], pushes)
         asked = range(first, last)
         drives = [values] if isinstance(values, Mapping) else list(values)
+        if (
+            last - first > 1
+            and self._fits(drives[0], pushes)
+            and all(_but_levels(v) == _but_levels(drives[0]) for v in drives[1:])
+        ):
+            levels = np.array([[v.get(name, 0.0) for name in _LEVELS] for v in drives])
+            dry = {**drives[0], **{name: 0.0 for name in _LEVELS if name in drives[0]}}
+            return self._lanes(first, last).residual(dry, offsets[first:last], pushes, levels)
         z = np.zeros(WORKSPACE) if pushes is not None or any(parameters.needs_workspace(v) for v in drives) else None
         if len(drives) == 1:
             drives = drives * len(asked)

@@ -20,6 +20,8 @@ from flexdrive_gym.drive.effects import (
     BEGIN_T,
     FLAG,
     LAYOUT,
+    LEVEL_1,
+    LEVEL_2,
     PUSH_1,
     PUSH_2,
     chain,
@@ -122,25 +124,31 @@ def force_2(x: float, v: float, s: float, fs: float, t: float, z: Any, c: Any, r
 
 
 @inlined
-def level_1(x: float, v: float, s: float, fs: float, t: float, z: Any, r: int, p: Any) -> float:
+def level_1(x: float, v: float, s: float, fs: float, t: float, z: Any, c: Any, r: int, p: Any) -> float:
     """Return the Coulomb level of cart 1 [V] sliding in direction s."""
+    own = 0.0
+    if c is not None:
+        own = c[LEVEL_1]
     if z is None:
-        return _friction_1_base(0.0, x, v, s, fs, t, z, r, p)
-    return max(_friction_1_full(0.0, x + z[ANCHOR_1], v, s, fs, t, z, r, p), 0.0)
+        return _friction_1_base(own, x, v, s, fs, t, z, r, p)
+    return max(_friction_1_full(own, x + z[ANCHOR_1], v, s, fs, t, z, r, p), 0.0)
 
 
 @inlined
-def level_2(x: float, v: float, s: float, fs: float, t: float, z: Any, r: int, p: Any) -> float:
+def level_2(x: float, v: float, s: float, fs: float, t: float, z: Any, c: Any, r: int, p: Any) -> float:
     """Return the Coulomb level of cart 2 [V] sliding in direction s."""
+    own = 0.0
+    if c is not None:
+        own = c[LEVEL_2]
     if z is None:
-        return _friction_2_base(0.0, x, v, s, fs, t, z, r, p)
-    return max(_friction_2_full(0.0, x + z[ANCHOR_2], v, s, fs, t, z, r, p), 0.0)
+        return _friction_2_base(own, x, v, s, fs, t, z, r, p)
+    return max(_friction_2_full(own, x + z[ANCHOR_2], v, s, fs, t, z, r, p), 0.0)
 
 
 @inlined
 def hold_1(x: float, s: float, fs: float, t: float, z: Any, r: int, p: Any) -> float:
     """Return the force [V] that cart 1 at rest withstands in direction s."""
-    level = level_1(x, 0.0, s, fs, t, z, r, p)
+    level = level_1(x, 0.0, s, fs, t, z, z, r, p)
     if z is None:
         return level
     return _breakaway_1(level, x + z[ANCHOR_1], s, fs, t, z, r, p)
@@ -149,7 +157,7 @@ def hold_1(x: float, s: float, fs: float, t: float, z: Any, r: int, p: Any) -> f
 @inlined
 def hold_2(x: float, s: float, fs: float, t: float, z: Any, r: int, p: Any) -> float:
     """Return the force [V] that cart 2 at rest withstands in direction s."""
-    level = level_2(x, 0.0, s, fs, t, z, r, p)
+    level = level_2(x, 0.0, s, fs, t, z, z, r, p)
     if z is None:
         return level
     return _breakaway_2(level, x + z[ANCHOR_2], s, fs, t, z, r, p)
@@ -214,8 +222,8 @@ def accelerations(
 ) -> tuple[float, float]:
     """Return the accelerations [mm/s²] of both carts for fixed directions of sliding."""
     fs = spring_force(x1 - x2, v1 - v2, z, r, p)
-    a1 = p[W1] * (force_1(x1, v1, s1, u, fs, t, z, c, r, p) - s1 * level_1(x1, v1, s1, fs, t, z, r, p))
-    a2 = p[W2] * (force_2(x2, v2, s2, fs, t, z, c, r, p) - s2 * level_2(x2, v2, s2, fs, t, z, r, p))
+    a1 = p[W1] * (force_1(x1, v1, s1, u, fs, t, z, c, r, p) - s1 * level_1(x1, v1, s1, fs, t, z, c, r, p))
+    a2 = p[W2] * (force_2(x2, v2, s2, fs, t, z, c, r, p) - s2 * level_2(x2, v2, s2, fs, t, z, c, r, p))
     return chosen(s1 != 0.0, a1, 0.0), chosen(s2 != 0.0, a2, 0.0)
 
 

@@ -57,11 +57,11 @@ def respond(h: float, p: Any, out: Any, stride: int) -> None:
     out[stride] = w1 * force_1(0.0, 0.0, 0.0, 0.0, by_v2, 0.0, None, None, 0, p)
     out[2 * stride] = w1 * force_1(0.0, 0.0, 0.0, 0.0, by_x, 0.0, None, None, 0, p)
     out[3 * stride] = w1 * force_1(0.0, 0.0, 0.0, 1.0, 0.0, 0.0, None, None, 0, p)
-    out[4 * stride] = w1 * level_1(0.0, 0.0, 0.0, 0.0, 0.0, None, 0, p)
+    out[4 * stride] = w1 * level_1(0.0, 0.0, 0.0, 0.0, 0.0, None, None, 0, p)
     out[5 * stride] = w2 * force_2(0.0, 0.0, 0.0, by_v1, 0.0, None, None, 0, p)
     out[6 * stride] = w2 * force_2(0.0, 1.0, 0.0, by_v2, 0.0, None, None, 0, p)
     out[7 * stride] = w2 * force_2(0.0, 0.0, 0.0, by_x, 0.0, None, None, 0, p)
-    out[8 * stride] = w2 * level_2(0.0, 0.0, 0.0, 0.0, 0.0, None, 0, p)
+    out[8 * stride] = w2 * level_2(0.0, 0.0, 0.0, 0.0, 0.0, None, None, 0, p)
 
 
 @inlined

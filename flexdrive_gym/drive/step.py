@@ -67,7 +67,7 @@ def forces(
     f1, f2 = u, 0.0
     if z is not None:
         f1, f2 = u + z[PUSH_1], z[PUSH_2]
-    return f1 - s1 * level_1(x1, v1, s1, 0.0, t, z, 0, p), f2 - s2 * level_2(x2, v2, s2, 0.0, t, z, 0, p)
+    return f1 - s1 * level_1(x1, v1, s1, 0.0, t, z, z, 0, p), f2 - s2 * level_2(x2, v2, s2, 0.0, t, z, z, 0, p)
 
 
 @inlined

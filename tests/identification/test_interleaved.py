@@ -72,6 +72,16 @@ def test_so_do_pushes_on_a_drive_without_effects(runs):
     same(Together(runs), RIG, [0.1 * rng.standard_normal((2, len(run.u))) for run in runs])
 
 
+@pytest.mark.parametrize("effects", [{}, {"presliding.cart_2.fd": 0.2}, {"stribeck.cart_1.extra": 0.1}])
+def test_so_does_friction_of_its_own_in_every_run(runs, effects):
+    rng = np.random.default_rng(4)
+    drives = [{**RIG, **effects, "d1": d1, "d2": d2} for d1, d2 in rng.uniform(0.1, 0.4, (len(runs), 2))]
+    pushes = [0.02 * rng.standard_normal((2, len(run.u))) for run in runs]
+    day, nowhere = Together(runs), np.zeros(len(runs))
+    single = [day.residual([v], nowhere, i, i + 1, [pushes[i]]) for i, v in enumerate(drives)]
+    assert np.array_equal(day.residual(drives, nowhere, pushes=pushes), np.concatenate(single))
+
+
 def test_so_do_positions(runs):
     values = {**RIG, "coupling_backlash.g": 0.5}
     same(Together([replace(run, positions=True) for run in runs]), values)

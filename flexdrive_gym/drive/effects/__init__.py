@@ -81,10 +81,13 @@ N_STATES = sum(len(item.states) * len(item.where) for item in EFFECTS)
 N_MEMORY = sum(item.memory * len(item.where) for item in EFFECTS)
 
 # The workspace of the variant with all effects: rows of states; where a replay anchors the carts; where and when the piece
-# began; additional forces on the carts; which chains have anything to do; whether none of those has between events, and whether
-# none has but those of forces on the carts; which hooks have anything to do; memory.
-ANCHOR_1, ANCHOR_2, BEGIN_1, BEGIN_2, BEGIN_T, PUSH_1, PUSH_2 = (ROWS * N_STATES + i for i in range(7))
-_FLAGS = ROWS * N_STATES + 7
+# began; additional forces on the carts; Coulomb levels that a run has besides the drive's; which chains have anything to do;
+# whether none of those has between events, and whether none has but those of forces on the carts; which hooks have anything to
+# do; memory.
+ANCHOR_1, ANCHOR_2, BEGIN_1, BEGIN_2, BEGIN_T, PUSH_1, PUSH_2, LEVEL_1, LEVEL_2 = (
+    ROWS * N_STATES + i for i in range(9)
+)
+_FLAGS = ROWS * N_STATES + 9
 
 _ARGUMENTS: dict[str, str] = {
     # signature after the accumulated value
