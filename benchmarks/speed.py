@@ -1,6 +1,7 @@
 """Speed of the compiled step, as ratios against named peers, measured interleaved in one process."""
 
 import time
+from functools import partial
 
 import control
 import numpy as np
@@ -11,6 +12,8 @@ from flexdrive_gym.drive import kernels, parameters
 from flexdrive_gym.drive.effects import EFFECTS, WORKSPACE
 from flexdrive_gym.drive.sample import WORK_SPACE
 from flexdrive_gym.references import square
+from identification.output_error import prepare
+from identification.together import Together
 from tests.drive.drives import RIG
 from tests.drive.reference import TwoMasses
 
@@ -64,6 +67,31 @@ def effects() -> None:
         print(f"{name:40s} {cost:8.0f} ns a sample of 1 ms, {steps} steps")
 
 
+def in_lanes() -> None:
+    """Print what a sample of four recordings costs, replayed in lanes and one by one, and how much they differ."""
+    t = np.arange(8001) * 1e-3
+    rig = Drive(RIG)
+    runs = [
+        prepare(rig.simulate(t, a * np.sin(2 * np.pi * f * t)))
+        for a, f in ((2.5, 0.5), (2.5, 2.0), (2.5, 8.0), (1.2, 1.0))
+    ]
+    day, nowhere = Together(runs), np.zeros(len(runs))
+    for name in ("presliding", "stribeck", "cogging", "hardening_spring", "tilt", "extra_mode"):
+        effect = next(e for e in EFFECTS if e.id == name)
+        values = {**RIG, **{effect.key(w, q.name): q.starts[0] for w in effect.where[:1] for q in effect.parameters}}
+        lanes = partial(day.residual, values, nowhere)
+        single = [partial(day.residual, values, nowhere, i, i + 1) for i in range(len(runs))]
+        apart = np.abs(lanes() - np.concatenate([one() for one in single])).max()
+        jobs = {"lanes": lanes, **{str(i): one for i, one in enumerate(single)}}
+        seconds = interleaved(jobs, 25)
+        together = seconds.pop("lanes")
+        per_sample = 1e9 / sum(len(run.u) for run in runs)
+        print(
+            f"{name:20s} {together * per_sample:6.0f} ns a sample in lanes, {sum(seconds.values()) * per_sample:6.0f} ns one by one, "
+            f"{sum(seconds.values()) / together:4.1f} ×, largest difference {apart:g}"
+        )
+
+
 def main() -> None:
     drive = Drive({**RIG, "saturation.limit": 8.0})
     u = square(T, 1.5, 0.5)
@@ -87,3 +115,4 @@ def main() -> None:
     steps = len(gains) * 12000 / median["flexdrive, sweep of 100 gains × 12 s"]
     print(f"closed-loop sweep: {steps / 1e6:.1f} million steps/s on one thread")
     effects()
+    in_lanes()

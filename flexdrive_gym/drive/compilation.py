@@ -11,12 +11,13 @@ import hashlib
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numba
 import platformdirs
 from numba.core import config as _config
 from numba.core import types
+from numba.core.registry import CPUDispatcher
 from numba.extending import intrinsic
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -46,10 +47,24 @@ def compiled_before() -> bool:
     return any(Path(CACHE_DIRECTORY).rglob("*.nbi"))
 
 
+class _Inner(CPUDispatcher):
+    """What only compiled code calls compiled; from the interpreter it is the function that was written."""
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.py_func(*arguments)
+
+
+def _inner(function: Function, *, forceinline: bool) -> Function:
+    # a function that the interpreter could call takes as long again to compile, and none of these is called by it
+    options = {**OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "forceinline": forceinline}
+    done: Any = numba.njit(**options)(function)
+    done.__class__ = _Inner
+    return cast("Function", done)
+
+
 def inlined(function: Function) -> Function:
     """Compile a function into its callers; a loop over such calls can be vectorised."""
-    done: Function = numba.njit(forceinline=True, **OPTIONS)(function)
-    return done
+    return _inner(function, forceinline=True)
 
 
 def called(function: Function) -> Function:
@@ -57,8 +72,7 @@ def called(function: Function) -> Function:
 
     Said outright, because the compiler lets a callee inherit its caller's wish to be inlined.
     """
-    done: Function = numba.njit(forceinline=False, **OPTIONS)(function)
-    return done
+    return _inner(function, forceinline=False)
 
 
 def _pointer(typing_context: Any, array: Any) -> Any:  # noqa: ARG001

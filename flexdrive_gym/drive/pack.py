@@ -257,7 +257,7 @@ def sine_and_cosine(x: Any) -> tuple[Any, Any]:
 def _overload(function: Any, chooses: Callable[..., Any]) -> None:
     """Let the types of its arguments choose what a function compiles to."""
     # not strict, for what is compiled need not repeat the annotations of what chooses it
-    options: Any = {**OPTIONS, "forceinline": True}
+    options: Any = {**OPTIONS, "forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     overload(function, jit_options=options, strict=False)(chooses)
 
 

@@ -54,7 +54,9 @@ def test_base_effects_are_linear_and_their_friction_is_constant_as_the_series_ne
     assert np.allclose(force(a + 2.0 * b), force(a) + 2.0 * force(b), rtol=1e-13)
     assert np.array_equal(force(a, 1.0), force(a, -1.0))
     assert np.array_equal(force(a, 1.0), force(a))
-    levels = {forces.level_1(x, v, s, fs, t, None, 0, p) for x, v, s, fs, t in ((0, 1, 1, 0, 0), (9, -80, -1, 3, 2))}
+    levels = {
+        forces.level_1(x, v, s, fs, t, None, None, 0, p) for x, v, s, fs, t in ((0, 1, 1, 0, 0), (9, -80, -1, 3, 2))
+    }
     assert levels == {RIG["d1"]}
 
 

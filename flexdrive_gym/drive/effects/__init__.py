@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
 from pkgutil import iter_modules
 from typing import Any
@@ -162,13 +163,17 @@ SEEN_BY_STEP = np.array(
 )
 
 
+# of a hook that is in several chains the compiler makes one function
+_compiled = cache(inlined)
+
+
 def _lines(site: str, where: str | None, names: dict[str, Any], *, base: bool) -> list[str]:
     lines = []
     for hook, slot in _hooks(site, where):
         if base and not slot.effect.base:
             continue
         name = f"{slot.effect.id}_{len(names)}"
-        names[name] = inlined(hook)
+        names[name] = _compiled(hook)
         own = f"r + {slot.state_index}" if slot.effect.states else f"{_MEMORY + slot.memory_index}"
         arguments = ["acc", _ARGUMENTS[site], f"z, {own}" if site in _REMEMBERING else "", f"p, {slot.base_index}"]
         flag = None if slot.effect.base else _HOOK_FLAG[site, where, slot.effect.id, slot.where]
