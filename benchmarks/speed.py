@@ -82,13 +82,12 @@ def in_lanes() -> None:
         lanes = partial(day.residual, values, nowhere)
         single = [partial(day.residual, values, nowhere, i, i + 1) for i in range(len(runs))]
         apart = np.abs(lanes() - np.concatenate([one() for one in single])).max()
-        jobs = {"lanes": lanes, **{str(i): one for i, one in enumerate(single)}}
-        seconds = interleaved(jobs, 25)
+        seconds = interleaved({"lanes": lanes, **{str(i): one for i, one in enumerate(single)}}, 25)
         together = seconds.pop("lanes")
-        per_sample = 1e9 / sum(len(run.u) for run in runs)
+        alone, samples = sum(seconds.values()), sum(len(run.u) for run in runs)
         print(
-            f"{name:20s} {together * per_sample:6.0f} ns a sample in lanes, {sum(seconds.values()) * per_sample:6.0f} ns one by one, "
-            f"{sum(seconds.values()) / together:4.1f} ×, largest difference {apart:g}"
+            f"{name:20s} {1e9 * together / samples:6.0f} ns a sample in lanes, {1e9 * alone / samples:6.0f} ns one by one, "
+            f"{alone / together:4.1f} ×, largest difference {apart:g}"
         )
 
 
