@@ -126,12 +126,18 @@ class Interleaved:
         alike: dict[tuple[float | None, float, int], list[int]] = {}
         for i, run in enumerate(runs):
             alike.setdefault((run.cutoff, run.sample_time, run.block), []).append(i)
-        self.groups: list[list[int]] = []
-        for members in alike.values():
+        found = []
+        for kind, members in enumerate(alike.values()):
             members.sort(key=lambda i: -len(runs[i].u))
-            self.groups += [members[k : k + WIDTH] for k in range(0, len(members), WIDTH)]
+            found += [(kind, members[k : k + WIDTH]) for k in range(0, len(members), WIDTH)]
         # what takes longest begins first
-        self.groups.sort(key=lambda members: -len(runs[members[0]].u))
+        found.sort(key=lambda group: -len(runs[group[1][0]].u))
+        self.groups: list[list[int]] = [members for _kind, members in found]
+        # one recording of each kind that the drive's parameters and steps are the same for
+        self._kinds, self._kind = (
+            [runs[members[0]] for members in alike.values()],
+            np.array([kind for kind, _members in found]),
+        )
         carts = len(runs[0].keep)
         lengths = [len(run.u) for run in runs]
         blocks = [-(-len(run.u) // run.block) for run in runs]
@@ -156,7 +162,7 @@ class Interleaved:
             parts.append(told.ravel())
             begin += told.size
         self._told = np.concatenate(parts)
-        self._runs, self._rows, self._carts = list(runs), int(rows[-1]), carts
+        self._rows, self._carts = int(rows[-1]), carts
         self._h = np.array([runs[members[0]].sample_time for members in self.groups])
 
     def residual(
@@ -182,15 +188,17 @@ class Interleaved:
             Where to write them.
         """
         asked = slice(None) if group is None else slice(group, group + 1)
-        groups, h, p = self._table[asked].copy(), self._h[asked], []
-        for g, members in enumerate(self.groups[asked]):
-            groups[g, [_SUBSTEPS, _PARAMETERS]] = substeps(values, float(h[g]), PHYSICS_S), g * N_PARAMETERS
-            p.append(drive_vector(values, self._runs[members[0]]))
+        groups, h = self._table[asked].copy(), self._h[asked]
+        p = np.array([drive_vector(values, run) for run in self._kinds])
+        groups[:, _SUBSTEPS] = np.array([substeps(values, run.sample_time, PHYSICS_S) for run in self._kinds])[
+            self._kind[asked]
+        ]
+        groups[:, _PARAMETERS] = N_PARAMETERS * self._kind[asked]
         force = np.zeros(0) if pushes is None else np.concatenate([f.ravel() for f in pushes])
         own = np.zeros(0) if levels is None else levels[self._places[asked]].swapaxes(1, 2).ravel()
         out = np.empty(self._rows) if out is None else out
         replay_interleaved(
             groups, h, self._told, self._starts[asked], offsets[self._places[asked]], self._carts,
-            self._runs[0].positions, RUNAWAY, np.array(p), np.zeros(MEMORIES), np.zeros(WORKSPACES), force, own, out,
+            self._kinds[0].positions, RUNAWAY, p, np.zeros(MEMORIES), np.zeros(WORKSPACES), force, own, out,
         )  # fmt: skip
         return out

@@ -25,28 +25,26 @@ def wavelengths() -> FloatArray:
     return np.geomspace(SHORTEST, LONGEST, WAVELENGTHS)
 
 
-def spectrum(forces: Sequence[MissingForce], cart: int, *, along_friction: bool = False) -> FloatArray:
-    """Return the spatial power of the missing force of a cart at every wavelength, shape (WAVELENGTHS,).
+def spectra(forces: Sequence[MissingForce], cart: int) -> tuple[FloatArray, FloatArray]:
+    """Return the spatial power of the missing force of a cart at every wavelength, and that of the force against its motion.
 
-    Parameters
-    ----------
-    along_friction
-        Take the force against the direction of motion, as a friction that changes along the track would show.
+    The latter, both of shape (WAVELENGTHS,), is what a friction that changes along the track would show.
     """
     P = wavelengths()
-    total = np.zeros(len(P))
+    total = np.zeros((2, len(P)))
     for force in forces:
         use = force.usable[cart]
         x, g = force.x[cart][use][::_STEP], force.g[cart][use][::_STEP]
-        if along_friction:
-            g = -g * np.sign(force.v[cart][use][::_STEP])
         if len(x) < 50:
             continue
-        g = g - g.mean()
-        power = np.abs(np.exp(-2j * np.pi * x[None, :] / P[:, None]) @ g) ** 2 / max(float(g @ g), 1e-300) / len(g)
+        waves = np.exp(-2j * np.pi * x[None, :] / P[:, None])
         # a wavelength longer than the way says nothing
-        total += power * len(g) * (float(np.ptp(x)) > 0.8 * P)
-    return total
+        known = float(np.ptp(x)) > 0.8 * P
+        for i, felt in enumerate((g, -g * np.sign(force.v[cart][use][::_STEP]))):
+            rest = felt - felt.mean()
+            power = np.abs(waves @ rest) ** 2 / max(float(rest @ rest), 1e-300) / len(rest)
+            total[i] += power * len(rest) * known
+    return total[0], total[1]
 
 
 def peaks(power: FloatArray, most: int) -> tuple[float, ...]:
@@ -64,10 +62,10 @@ def periods(forces: Sequence[MissingForce]) -> dict[str, tuple[float, ...]]:
     A rough track has a highest peak somewhere, too. The comb is for the null draws, which have their peaks elsewhere: looked at
     only where the recordings have theirs, they would show less than chance reaches by choosing its own place.
     """
-    found = {"cogging.P": (*peaks(spectrum(forces, 0), 4), *COMB_MM)}
-    carts = len(forces[0].g)
-    if carts == 2:
-        found["encoder_eccentricity.P"] = peaks(spectrum(forces, 1), 4)
-    for cart in range(carts):
-        found[f"position_friction.cart_{cart + 1}.P"] = peaks(spectrum(forces, cart, along_friction=True), 3)
+    powers = [spectra(forces, cart) for cart in range(len(forces[0].g))]
+    found = {"cogging.P": (*peaks(powers[0][0], 4), *COMB_MM)}
+    if len(powers) == 2:
+        found["encoder_eccentricity.P"] = peaks(powers[1][0], 4)
+    for cart, (_force, against) in enumerate(powers):
+        found[f"position_friction.cart_{cart + 1}.P"] = peaks(against, 3)
     return {key: values for key, values in found.items() if values}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identification.mismatch.missing_force import MissingForce
-from identification.mismatch.spatial import peaks, periods, spectrum
+from identification.mismatch.spatial import peaks, periods, spectra
 
 PERIOD = 12.7
 
@@ -27,7 +27,7 @@ def runs(along_friction):
 
 @pytest.mark.parametrize("along_friction", [False, True])
 def test_a_known_period_is_found(along_friction):
-    power = spectrum(runs(along_friction), 0, along_friction=along_friction)
+    power = spectra(runs(along_friction), 0)[int(along_friction)]
     assert peaks(power, 1)[0] == pytest.approx(PERIOD, rel=0.02)
 
 
