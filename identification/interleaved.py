@@ -31,7 +31,7 @@ _PER_SAMPLE = 7
 
 
 @inlined
-def _within(x: Any, most: float) -> Any:
+def within(x: Any, most: float) -> Any:
     """Return what is not a number, or farther from zero than ``most``, as ``most``."""
     # no comparison holds for nan
     return chosen(abs(x) < most, x, chosen(x <= -most, -most, most))
@@ -85,8 +85,8 @@ def replay_interleaved(
             k = _PER_SAMPLE * i
             y1, y2 = (r1, r2) if positions else (s1, s2)
             valid_1, valid_2 = told[k + 4], told[k + 6]
-            total_1 = chosen(valid_1 > 0.0, total_1 + (told[k + 3] - _within(y1, runaway)), total_1)
-            total_2 = chosen(valid_2 > 0.0, total_2 + (told[k + 5] - _within(y2, runaway)), total_2)
+            total_1 = chosen(valid_1 > 0.0, total_1 + (told[k + 3] - within(y1, runaway)), total_1)
+            total_2 = chosen(valid_2 > 0.0, total_2 + (told[k + 5] - within(y2, runaway)), total_2)
             count_1, count_2 = count_1 + valid_1, count_2 + valid_2
             left -= 1
             if left == 0 or i + 1 == n:

@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 
 from flexdrive_gym.drive import parameters
-from flexdrive_gym.drive.compilation import inlined, kernel
+from flexdrive_gym.drive.compilation import kernel
 from flexdrive_gym.drive.effects import N_PARAMETERS, WORKSPACE
 from flexdrive_gym.drive.kernels import NOTHING, run_recording
 from flexdrive_gym.drive.sample import WORK_SPACE
 from flexdrive_gym.recording import FloatArray
-from identification.interleaved import Interleaved
+from identification.interleaved import Interleaved, within
 from identification.output_error import PHYSICS_S, RUNAWAY, Run, drive_vector, held
 
 # entries of a recording's row of whole numbers
@@ -33,13 +33,6 @@ _LEVELS = ("d1", "d2")
 
 def _but_levels(values: Mapping[str, float]) -> dict[str, float]:
     return {name: value for name, value in values.items() if name not in _LEVELS}
-
-
-@inlined
-def _within(x: float, most: float) -> float:
-    """Return what is not a number, or farther from zero than ``most``, as ``most``."""
-    # no comparison holds for nan
-    return x if abs(x) < most else (-most if x <= -most else most)
 
 
 @kernel
@@ -94,12 +87,12 @@ def _replay(
                 for i in range(b * block, min((b + 1) * block, n)):
                     if keep[carts * sample + c * n + i]:
                         if positions:
-                            simulated = _within(y[c, i * pieces], runaway)
+                            simulated = within(y[c, i * pieces], runaway)
                         elif pieces > 1 and i > 0:
-                            moved_on = _within(y[c, i * pieces], runaway) - _within(y[c, (i - 1) * pieces], runaway)
+                            moved_on = within(y[c, i * pieces], runaway) - within(y[c, (i - 1) * pieces], runaway)
                             simulated = moved_on / (h[r] * pieces)
                         else:
-                            simulated = _within(y[2 + c, i * pieces], runaway)
+                            simulated = within(y[2 + c, i * pieces], runaway)
                         total += measured[carts * sample + c * n + i] - simulated
                         count += 1
                 out[row] = total / max(count, 1)
