@@ -16,7 +16,7 @@ from flexdrive_gym.drive.compilation import inlined, kernel, pointer, shifted
 from flexdrive_gym.drive.effects import LEVEL_1, LEVEL_2, N_PARAMETERS
 from flexdrive_gym.drive.pack import WIDTH, chosen, lane, packs_at, spread, with_lane
 from flexdrive_gym.drive.parameters import substeps
-from flexdrive_gym.drive.sample import MEMORY, advance_by, anchor, measure, power_up, push
+from flexdrive_gym.drive.sample import MEMORY, advance, anchor, measure, power_up, push
 from flexdrive_gym.drive.side_by_side import MEMORIES, WORKSPACES, begin_together, step_together
 from flexdrive_gym.recording import FloatArray
 from identification.output_error import PHYSICS_S, RUNAWAY, Run, drive_vector
@@ -103,7 +103,7 @@ def replay_interleaved(
                 t = i * h[g]
                 if pushes.shape[0] > 0:
                     push(_of_lanes(pushes, group, 0, i), _of_lanes(pushes, group, 1, i), w)
-                x1, v1, x2, v2 = advance_by(step_together, x1, v1, x2, v2, told[k], t, h[g], substeps, table, m, w, q)
+                x1, v1, x2, v2 = advance(step_together, x1, v1, x2, v2, told[k], t, h[g], substeps, table, m, w, q)
                 anchor(told[k + _PER_SAMPLE + 1] + offset, told[k + _PER_SAMPLE + 2] + offset, x1, x2, w)
                 r1, r2, s1, s2 = measure(x1, v1, x2, v2, t + h[g], h[g], m, w, q)
 
@@ -134,10 +134,8 @@ class Interleaved:
         found.sort(key=lambda group: -len(runs[group[1][0]].u))
         self.groups: list[list[int]] = [members for _kind, members in found]
         # one recording of each kind that the drive's parameters and steps are the same for
-        self._kinds, self._kind = (
-            [runs[members[0]] for members in alike.values()],
-            np.array([kind for kind, _members in found]),
-        )
+        self._kinds = [runs[members[0]] for members in alike.values()]
+        self._kind = np.array([kind for kind, _members in found])
         carts = len(runs[0].keep)
         lengths = [len(run.u) for run in runs]
         blocks = [-(-len(run.u) // run.block) for run in runs]
@@ -190,9 +188,8 @@ class Interleaved:
         asked = slice(None) if group is None else slice(group, group + 1)
         groups, h = self._table[asked].copy(), self._h[asked]
         p = np.array([drive_vector(values, run) for run in self._kinds])
-        groups[:, _SUBSTEPS] = np.array([substeps(values, run.sample_time, PHYSICS_S) for run in self._kinds])[
-            self._kind[asked]
-        ]
+        steps = np.array([substeps(values, run.sample_time, PHYSICS_S) for run in self._kinds])
+        groups[:, _SUBSTEPS] = steps[self._kind[asked]]
         groups[:, _PARAMETERS] = N_PARAMETERS * self._kind[asked]
         force = np.zeros(0) if pushes is None else np.concatenate([f.ravel() for f in pushes])
         own = np.zeros(0) if levels is None else levels[self._places[asked]].swapaxes(1, 2).ravel()

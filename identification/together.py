@@ -7,9 +7,8 @@ The simulation is that of :func:`~identification.output_error.simulate_run`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,6 @@ from identification.output_error import PHYSICS_S, RUNAWAY, Run, drive_vector, h
 
 # entries of a recording's row of whole numbers
 _BEGIN, _SAMPLES, _PIECES, _BLOCK, _BLOCKS, _ROW, _FIRST_SAMPLE = range(7)
-
 
 # Coulomb levels, which may be a run's own
 _LEVELS = ("d1", "d2")
@@ -128,12 +126,12 @@ class Together:
         self._measured = np.concatenate([x for run in self.runs for x in run.measured])
         self._keep = np.concatenate([x for run in self.runs for x in run.keep])
         self._longest = int(max(len(u) for u in commands))
+        self._held = bool((self._places[:, _PIECES] == 1).all())
         self._interleaved: dict[tuple[int, int], Interleaved] = {}
 
     def _fits(self, values: Mapping[str, float], pushes: Sequence[FloatArray] | None) -> bool:
         """Whether one drive can be replayed in lanes: it has a workspace, and commands that are held from sample to sample."""
-        held_ = bool((self._places[:, _PIECES] == 1).all())
-        return held_ and (pushes is not None or parameters.needs_workspace(values))
+        return self._held and (pushes is not None or parameters.needs_workspace(values))
 
     def _lanes(self, first: int, last: int) -> Interleaved:
         if (first, last) not in self._interleaved:
@@ -141,11 +139,11 @@ class Together:
         return self._interleaved[first, last]
 
     def tasks(
-        self, values: Mapping[str, float], offsets: FloatArray, most: int
+        self, values: Mapping[str, float], offsets: FloatArray, shares: Iterable[tuple[int, int]]
     ) -> tuple[FloatArray, list[Callable[[], object]]]:
         """Return where the residuals of one drive will be, and tasks that write them, which may run side by side.
 
-        ``most`` is how many tasks are worth their while.
+        Where recordings do not go in lanes, ``shares`` are the first recording of each task and the first beyond.
         """
         out = np.empty(self._rows)
         if self._fits(values, None):
@@ -156,7 +154,6 @@ class Together:
         def write(first: int, last: int) -> None:
             out[rows[first] : rows[last]] = self.residual(values, offsets, first, last)
 
-        shares = pairwise(np.linspace(0, len(self.runs), min(len(self.runs), most) + 1).astype(int))
         return out, [partial(write, *share) for share in shares]
 
     def residual(
@@ -186,18 +183,15 @@ class Together:
             [mm/s] or [mm].
         """
         last = len(self.runs) if last is None else last
-        if isinstance(values, Mapping) and last - first > 1 and self._fits(values, pushes):
-            return self._lanes(first, last).residual(values, offsets[first:last], pushes)
         asked = range(first, last)
         drives = [values] if isinstance(values, Mapping) else list(values)
-        if (
-            last - first > 1
-            and self._fits(drives[0], pushes)
-            and all(_but_levels(v) == _but_levels(drives[0]) for v in drives[1:])
-        ):
-            levels = np.array([[v.get(name, 0.0) for name in _LEVELS] for v in drives])
-            dry = {**drives[0], **{name: 0.0 for name in _LEVELS if name in drives[0]}}
-            return self._lanes(first, last).residual(dry, offsets[first:last], pushes, levels)
+        alike = all(_but_levels(v) == _but_levels(drives[0]) for v in drives[1:])
+        if last - first > 1 and alike and self._fits(drives[0], pushes):
+            common, levels = drives[0], None
+            if len(drives) > 1:
+                levels = np.array([[v.get(name, 0.0) for name in _LEVELS] for v in drives])
+                common = {**common, **{name: 0.0 for name in _LEVELS if name in common}}
+            return self._lanes(first, last).residual(common, offsets[first:last], pushes, levels)
         z = np.zeros(WORKSPACE) if pushes is not None or any(parameters.needs_workspace(v) for v in drives) else None
         if len(drives) == 1:
             drives = drives * len(asked)

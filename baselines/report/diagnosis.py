@@ -7,7 +7,7 @@ import os
 from collections.abc import Sequence
 
 from baselines.report import words
-from baselines.report.fault_table import add_faults
+from baselines.report.fault_table import add_faults, shaded
 from baselines.report.page import Section, render
 from flexdrive_gym import Recording, __version__
 from identification.mismatch.crew import Crew
@@ -163,7 +163,7 @@ def _overlay(d: Diagnosis, pool: Crew) -> Section:
     section.figure(
         plot_before_after(run, before, after),
         f"{about}; of such recordings the one that improved most, where it shows best. Left: free fit without left-out "
-        "physics. Right: with the named physics. Shaded: encoder faults.",
+        f"physics. Right: with the named physics.{shaded(run)}",
         dpi=_DPI,
     )
     return section

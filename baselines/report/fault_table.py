@@ -1,11 +1,11 @@
-"""Data faults as a table, the same on every page."""
+"""Data faults as a table and in captions, the same on every page."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
 from baselines.report.page import Section
-from flexdrive_gym import Fault
+from flexdrive_gym import Fault, Recording
 
 
 def add_faults(section: Section, faults: Iterable[Fault]) -> None:
@@ -24,3 +24,8 @@ def add_faults(section: Section, faults: Iterable[Fault]) -> None:
             for f in faults
         ],
     )
+
+
+def shaded(recording: Recording) -> str:
+    """Return what a figure's caption adds where the recording has faults."""
+    return " Shaded: data faults." if recording.faults else ""

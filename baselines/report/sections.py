@@ -7,7 +7,7 @@ from math import pi
 
 from baselines.experiments import stability_experiments
 from baselines.report import discussion
-from baselines.report.fault_table import add_faults
+from baselines.report.fault_table import add_faults, shaded
 from baselines.report.findings import Findings
 from baselines.report.page import Section
 from baselines.stability_limit import ObservedLimit, explain
@@ -76,7 +76,7 @@ def p_control_section(found: Findings) -> Section:
         state = "unstable" if m.unstable else "stable"
         section.figure(
             plot_recording(r),
-            f"{r.name}: {kind} P-control, Kp = {m.gain:.4g} V/mm, {state}. Shaded: data faults.",
+            f"{r.name}: {kind} P-control, Kp = {m.gain:.4g} V/mm, {state}.{shaded(r)}",
         )
     section.table(
         ("run", "feedback", "Kp [V/mm]", "rms e [mm]", "peak |e| [mm]", "|e| in dwells [mm]", "x2 swing in dwells [mm]", "grows"),

@@ -17,6 +17,7 @@ from flexdrive_gym.drive.effects import N_PARAMETERS, WORKSPACE
 from flexdrive_gym.drive.forces import W2, limited, spring_force
 from flexdrive_gym.drive.piece import tabulate
 from flexdrive_gym.drive.sample import MEMORY, WORK_SPACE, advance, anchor, clear, measure, power_up, push
+from flexdrive_gym.drive.step import step
 
 NOTHING = np.empty((4, 0))
 
@@ -54,7 +55,7 @@ def run_recording(
             t = i * sample_time
             if pushed:
                 push(pushes[0, i], pushes[1, i], w)
-            x1, v1, x2, v2 = advance(x1, v1, x2, v2, u[i], t, sample_time, substeps, table, m, w, q)
+            x1, v1, x2, v2 = advance(step, x1, v1, x2, v2, u[i], t, sample_time, substeps, table, m, w, q)
             if tracked:
                 anchor(track[0, i + 1], track[1, i + 1], x1, x2, w)
             r1, r2, s1, s2 = measure(x1, v1, x2, v2, t + sample_time, sample_time, m, w, q)
@@ -133,7 +134,7 @@ def run_p_control(
         u[i] = limited(gain * (xr[i] - (r1 if feedback == 1 else r2)), q)
         if i + 1 < n:
             t = i * sample_time
-            x1, v1, x2, v2 = advance(x1, v1, x2, v2, u[i], t, sample_time, substeps, table, m, w, q)
+            x1, v1, x2, v2 = advance(step, x1, v1, x2, v2, u[i], t, sample_time, substeps, table, m, w, q)
             r1, r2, s1, s2 = measure(x1, v1, x2, v2, t + sample_time, sample_time, m, w, q)
 
 
@@ -180,7 +181,7 @@ def sweep_p_control(
                 low, high = min(low, x), max(high, x)
             u = limited(gain * (xr[i] - (r1 if feedback == 1 else r2)), q)
             t = i * sample_time
-            x1, v1, x2, v2 = advance(x1, v1, x2, v2, u, t, sample_time, substeps, table, m, w, q)
+            x1, v1, x2, v2 = advance(step, x1, v1, x2, v2, u, t, sample_time, substeps, table, m, w, q)
             r1, r2, _s1, _s2 = measure(x1, v1, x2, v2, t + sample_time, sample_time, m, w, q)
         # no comparison holds for nan, so a motion that became nan would have moved neither bound
         swing[j] = high - low if abs(x1) + abs(x2) < inf else inf
@@ -193,7 +194,7 @@ def run_sample(
     """Advance one control sample after :func:`begin`; ``state`` (4,) is changed in place, ``reading`` (4,) is written."""
     q, m, w = pointer(p), pointer(memory), pointer(z)
     x1, v1, x2, v2 = advance(
-        state[0], state[1], state[2], state[3], u, t, sample_time, substeps, shifted(m, MEMORY), m, w, q
+        step, state[0], state[1], state[2], state[3], u, t, sample_time, substeps, shifted(m, MEMORY), m, w, q
     )
     state[0], state[1], state[2], state[3] = x1, v1, x2, v2
     reading[0], reading[1], reading[2], reading[3] = measure(x1, v1, x2, v2, t + sample_time, sample_time, m, w, q)
@@ -249,7 +250,7 @@ def run_abreast(
         for i in range(u.shape[1]):
             out[j, 0, i], out[j, 1, i], out[j, 2, i], out[j, 3, i] = x1, v1, x2, v2
             t = (first + i) * sample_time
-            x1, v1, x2, v2 = advance(x1, v1, x2, v2, u[j, i], t, sample_time, substeps, table, m, w, q)
+            x1, v1, x2, v2 = advance(step, x1, v1, x2, v2, u[j, i], t, sample_time, substeps, table, m, w, q)
             r1, r2, s1, s2 = measure(x1, v1, x2, v2, t + sample_time, sample_time, m, w, q)
         states[j, 0], states[j, 1], states[j, 2], states[j, 3] = x1, v1, x2, v2
         readings[j, 0], readings[j, 1], readings[j, 2], readings[j, 3] = r1, r2, s1, s2

@@ -46,7 +46,7 @@ from flexdrive_gym.drive.layout import (
 from flexdrive_gym.drive.piece import TABLE
 from flexdrive_gym.drive.sample import MEMORY, advance
 from flexdrive_gym.drive.series import arrive, lasts, lasts_surely, next_event, path, search, series, total, travelled
-from flexdrive_gym.drive.step import MAX_EVENTS
+from flexdrive_gym.drive.step import MAX_EVENTS, step
 
 # the step's table, and work space to make it
 TABLE_COLUMNS = TABLE + N_BASE_PARAMETERS
@@ -238,6 +238,7 @@ def integrate_each(
         j, i = low + lane, strip_of(lane, STATE_ROWS)
         row = 0 if shared else j
         x1, v1, x2, v2 = advance(
+            step,
             state[X1 + i],
             state[V1 + i],
             state[X2 + i],

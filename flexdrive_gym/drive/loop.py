@@ -14,6 +14,7 @@ from flexdrive_gym.drive.effects import N_PARAMETERS
 from flexdrive_gym.drive.forces import limited
 from flexdrive_gym.drive.piece import tabulate
 from flexdrive_gym.drive.sample import MEMORY, advance, clear, measure, power_up
+from flexdrive_gym.drive.step import step
 
 # entries of the law before the matrices: command limit [V], friction level [V], velocity of full compensation [mm/s]
 CONSTANTS = 3
@@ -133,5 +134,5 @@ def run_linear(
             out[j, 4, i] = command
             if i + 1 < n:
                 t = i * sample_time
-                x1, v1, x2, v2 = advance(x1, v1, x2, v2, command, t, sample_time, substeps, table, m, w, q)
+                x1, v1, x2, v2 = advance(step, x1, v1, x2, v2, command, t, sample_time, substeps, table, m, w, q)
                 r1, r2, s1, s2 = measure(x1, v1, x2, v2, t + sample_time, sample_time, m, w, q)

@@ -2,8 +2,8 @@
 
 The compiler does loops over many drives at once only where nothing branches. The step of a drive with effects branches
 everywhere, but mostly on its parameters, which recordings of one drive have in common. So a *pack* is a type of its own: where
-a kernel is given packs instead of numbers, the same source is compiled for :data:`WIDTH` recordings. Sums, products, roots of
-comparisons and functions are those of numbers, lane by lane, and round alike; what compares packs is a mask, on which a
+a kernel is given packs instead of numbers, the same source is compiled for :data:`WIDTH` recordings. Sums, products and
+functions are those of numbers, lane by lane, and round alike; a comparison of packs is a mask, on which a
 kernel cannot branch. What says the same about numbers and packs:
 
 * :func:`chosen` instead of ``a if condition else b``;

@@ -15,7 +15,8 @@ from flexdrive_gym.drive.forces import accelerations, begin_piece, rates, row
 from flexdrive_gym.drive.pack import raised
 
 D1, D2 = LAYOUT["d1"].index, LAYOUT["d2"].index
-TABLE = 61
+# parts of the table of a drive that is linear between events: both carts slide, or one of them sticks; last, the step's length
+SLIDING, STICKING_1, STICKING_2, TABLE = 0, 20, 40, 61
 INTEGRATES = FLAG["rates", None]
 
 
@@ -168,7 +169,7 @@ def tabulate(h: float, table: Any, p: Any) -> None:
             table[20 * mode + 5 + column] = w1
             table[20 * mode + 10 + column] = y2
             table[20 * mode + 15 + column] = w2
-    table[60] = h
+    table[TABLE - 1] = h
 
 
 @inlined

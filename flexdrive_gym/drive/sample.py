@@ -19,7 +19,6 @@ from flexdrive_gym.drive.effects import (
 from flexdrive_gym.drive.forces import begin_effects, commanded, rate_1, rate_2, readings
 from flexdrive_gym.drive.pack import chosen, leading
 from flexdrive_gym.drive.piece import TABLE
-from flexdrive_gym.drive.step import step
 
 # memory of one drive between samples: previous readings, filtered velocities, position in and ring of past commands
 MEMORY = 5 + RING
@@ -34,6 +33,7 @@ CUTOFF_2 = LAYOUT["velocity_processing.encoder_2.cutoff"].index
 
 @inlined
 def advance(
+    step: Any,
     x1: float,
     v1: float,
     x2: float,
@@ -49,29 +49,9 @@ def advance(
 ) -> tuple[float, float, float, float]:
     """Advance the drive by one control sample under a held command; return x1, v1, x2, v2.
 
-    An input delay of whole samples plus a remainder makes the sample two pieces: the older command acts for the
-    remainder, the newer one for the rest.
+    ``step`` is that of one drive or, given packs, of recordings side by side. An input delay of whole samples plus a remainder
+    makes the sample two pieces: the older command acts for the remainder, the newer one for the rest.
     """
-    return advance_by(step, x1, v1, x2, v2, command, t, sample_time, substeps, table, memory, z, p)
-
-
-@inlined
-def advance_by(
-    step: Any,
-    x1: Any,
-    v1: Any,
-    x2: Any,
-    v2: Any,
-    command: Any,
-    t: float,
-    sample_time: float,
-    substeps: int,
-    table: Any,
-    memory: Any,
-    z: Any,
-    p: Any,
-) -> tuple[Any, Any, Any, Any]:
-    """See :func:`advance`; ``step`` is that of one drive, or of several recordings side by side."""
     u = commanded(command, t, z, p)
     delay = p[DELAY]
     if delay == 0.0:

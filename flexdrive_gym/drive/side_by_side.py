@@ -11,12 +11,12 @@ from __future__ import annotations
 from typing import Any
 
 from flexdrive_gym.drive.compilation import called, inlined, shifted
-from flexdrive_gym.drive.effects import LINEAR, N_BASE_PARAMETERS, SEEN_BY_STEP, WORKSPACE
+from flexdrive_gym.drive.effects import N_BASE_PARAMETERS, SEEN_BY_STEP, WORKSPACE
 from flexdrive_gym.drive.forces import W2, margin_1, margin_2
-from flexdrive_gym.drive.pack import WIDTH, anywhere, chosen, lane, numbers_of, raised, with_lane
-from flexdrive_gym.drive.piece import TABLE, leap, smooth, tabulate, width
+from flexdrive_gym.drive.pack import WIDTH, anywhere, chosen, lane, numbers_of, with_lane
+from flexdrive_gym.drive.piece import TABLE, tabulate, width
 from flexdrive_gym.drive.sample import MEMORY, clear
-from flexdrive_gym.drive.step import commit, forces, step_through_events
+from flexdrive_gym.drive.step import commit, piece, step_through_events
 
 # a workspace of packs, then one of numbers per lane, in which it takes the steps that it takes by itself
 WORKSPACES = 2 * WIDTH * WORKSPACE
@@ -40,42 +40,6 @@ def separate(z: Any) -> None:
 
 
 @inlined
-def _piece(
-    x1: Any,
-    v1: Any,
-    x2: Any,
-    v2: Any,
-    s1: Any,
-    s2: Any,
-    u: Any,
-    t: float,
-    h: float,
-    table: Any,
-    z: Any,
-    p: Any,
-) -> tuple[Any, Any, Any, Any]:
-    """Integrate one smooth piece, by the table where it fits: a row of it for each of what sticks."""
-    if raised(z, LINEAR) and h == table[TABLE - 1]:
-        f1, f2 = forces(x1, v1, x2, v2, s1, s2, u, t, z, p)
-        y1, w1, y2, w2 = leap(0, x1, v1, x2, v2, f1, f2, table)
-        sticks_1, sticks_2 = s1 == 0.0, s2 == 0.0
-        if anywhere(sticks_2):
-            a1, b1, a2, b2 = leap(40, x1, v1, x2, v2, f1, f2, table)
-            y1, w1 = chosen(sticks_2, a1, y1), chosen(sticks_2, b1, w1)
-            y2, w2 = chosen(sticks_2, a2, y2), chosen(sticks_2, b2, w2)
-        if anywhere(sticks_1):
-            a1, b1, a2, b2 = leap(20, x1, v1, x2, v2, f1, f2, table)
-            y1, w1 = chosen(sticks_1, a1, y1), chosen(sticks_1, b1, w1)
-            y2, w2 = chosen(sticks_1, a2, y2), chosen(sticks_1, b2, w2)
-            rests = sticks_1 & sticks_2
-            y1, w1 = chosen(rests, x1, y1), chosen(rests, v1, w1)
-            y2, w2 = chosen(rests, x2, y2), chosen(rests, v2, w2)
-        return y1, w1, y2, w2
-    y1, w1, y2, w2, _a1, _a2 = smooth(x1, v1, x2, v2, s1, s2, u, t, h, z, p)
-    return y1, w1, y2, w2
-
-
-@inlined
 def step_together(
     x1: Any, v1: Any, x2: Any, v2: Any, u: Any, t: float, h: float, table: Any, z: Any, p: Any
 ) -> tuple[Any, Any, Any, Any]:
@@ -88,7 +52,7 @@ def step_together(
     if anywhere(rest_2):
         held, sign = margin_2(x1, x2, v1, t, z, 0, p)
         s2 = chosen(rest_2, chosen(held > 0.0, sign, 0.0), s2)
-    y1, w1, y2, w2 = _piece(x1, v1, x2, v2, s1, s2, u, t, h, table, z, p)
+    y1, w1, y2, w2 = piece(x1, v1, x2, v2, s1, s2, u, t, h, table, z, p)
 
     trial = 6 * width(z)
     ends = (s1 * w1 < 0.0) | (s2 * w2 < 0.0)

@@ -44,8 +44,8 @@ from flexdrive_gym.drive.forces import (
     margin_2,
     row,
 )
-from flexdrive_gym.drive.pack import raised
-from flexdrive_gym.drive.piece import INTEGRATES, leap, smooth, width
+from flexdrive_gym.drive.pack import anywhere, chosen, raised
+from flexdrive_gym.drive.piece import INTEGRATES, SLIDING, STICKING_1, STICKING_2, TABLE, leap, smooth, width
 
 MAX_EVENTS = 12
 _FINISHES_1, _FINISHES_2, _FINISHES_ACTUATOR = (FLAG["finish", where] for where in ("cart_1", "cart_2", "actuator"))
@@ -60,7 +60,7 @@ def _linear(z: Any) -> bool:
 
 
 @inlined
-def forces(
+def _forces(
     x1: float, v1: float, x2: float, v2: float, s1: float, s2: float, u: float, t: float, z: Any, p: Any
 ) -> tuple[float, float]:
     """Return the forces on the carts [V], besides spring and dampers, of a drive that is linear between events."""
@@ -100,9 +100,9 @@ def step(
     y1, w1, y2, w2, sliding = x1, v1, x2, v2, False
     s1, s2 = (1.0 if v1 > 0.0 else -1.0), (1.0 if v2 > 0.0 else -1.0)
     if _linear(z):
-        f1, f2 = forces(x1, v1, x2, v2, s1, s2, u, t, z, p)
-        y1, w1, y2, w2 = leap(0, x1, v1, x2, v2, f1, f2, table)
-        sliding = v1 != 0.0 and v2 != 0.0 and s1 * w1 > 0.0 and s2 * w2 > 0.0 and h == table[60]
+        f1, f2 = _forces(x1, v1, x2, v2, s1, s2, u, t, z, p)
+        y1, w1, y2, w2 = leap(SLIDING, x1, v1, x2, v2, f1, f2, table)
+        sliding = v1 != 0.0 and v2 != 0.0 and s1 * w1 > 0.0 and s2 * w2 > 0.0 and h == table[TABLE - 1]
     elif v1 != 0.0 and v2 != 0.0:
         y1, w1, y2, w2, _a1, _a2 = smooth(x1, v1, x2, v2, s1, s2, u, t, h, z, p)
         sliding = s1 * w1 > 0.0 and s2 * w2 > 0.0
@@ -114,7 +114,7 @@ def step(
 
 
 @inlined
-def _piece(
+def piece(
     x1: float,
     v1: float,
     x2: float,
@@ -128,11 +128,21 @@ def _piece(
     z: Any,
     p: Any,
 ) -> tuple[float, float, float, float]:
-    """Integrate one smooth piece, by the table where it fits."""
-    if h == table[60] and (s1 != 0.0 or s2 != 0.0) and _linear(z):
-        mode = 20 if s1 == 0.0 else 40 if s2 == 0.0 else 0
-        f1, f2 = forces(x1, v1, x2, v2, s1, s2, u, t, z, p)
-        return leap(mode, x1, v1, x2, v2, f1, f2, table)
+    """Integrate one smooth piece, by the table where it fits: the part of it for what sticks."""
+    if _linear(z) and h == table[TABLE - 1]:
+        f1, f2 = _forces(x1, v1, x2, v2, s1, s2, u, t, z, p)
+        y1, w1, y2, w2 = leap(SLIDING, x1, v1, x2, v2, f1, f2, table)
+        sticks_1, sticks_2 = s1 == 0.0, s2 == 0.0
+        if anywhere(sticks_2):
+            a1, b1, a2, b2 = leap(STICKING_2, x1, v1, x2, v2, f1, f2, table)
+            y1, w1 = chosen(sticks_2, a1, y1), chosen(sticks_2, b1, w1)
+            y2, w2 = chosen(sticks_2, a2, y2), chosen(sticks_2, b2, w2)
+        if anywhere(sticks_1):
+            a1, b1, a2, b2 = leap(STICKING_1, x1, v1, x2, v2, f1, f2, table)
+            rests = sticks_1 & sticks_2
+            y1, w1 = chosen(rests, x1, chosen(sticks_1, a1, y1)), chosen(rests, v1, chosen(sticks_1, b1, w1))
+            y2, w2 = chosen(rests, x2, chosen(sticks_1, a2, y2)), chosen(rests, v2, chosen(sticks_1, b2, w2))
+        return y1, w1, y2, w2
     y1, w1, y2, w2, _a1, _a2 = smooth(x1, v1, x2, v2, s1, s2, u, t, h, z, p)
     return y1, w1, y2, w2
 
@@ -150,7 +160,7 @@ def step_through_events(
         held_2, sign_2 = margin_2(x1, x2, v1, t, z, 0, p) if v2 == 0.0 else (0.0, 0.0)
         s1 = _direction(v1, released_1, held_1, sign_1)
         s2 = _direction(v2, released_2, held_2, sign_2)
-        y1, w1, y2, w2 = _piece(x1, v1, x2, v2, s1, s2, u, t, left, table, z, p)
+        y1, w1, y2, w2 = piece(x1, v1, x2, v2, s1, s2, u, t, left, table, z, p)
 
         # events of the trial: a sliding cart came back through zero, a sticking cart can no longer be held
         stop_1, stop_2 = s1 * w1 < 0.0, s2 * w2 < 0.0

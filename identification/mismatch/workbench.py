@@ -139,7 +139,7 @@ class Workbench:
         if not parallel:
             return self.together.residual(values, self.offsets)
         if isinstance(values, Mapping):
-            out, tasks = self.together.tasks(values, self.offsets, _PARTS * self.pool.threads)
+            out, tasks = self.together.tasks(values, self.offsets, self._shares())
             list(self.pool.map(lambda task: task(), tasks))
             return out
 
