@@ -1,7 +1,8 @@
 """What a rig, real or simulated, leaves behind: sampled signals with units and provenance.
 
 A :class:`Recording` is the one currency between rig, simulation, identification and reports. All lengths are
-in mm, times in s, velocities in mm/s and commands in V, whatever units the file had.
+in mm, times in s, velocities in mm/s and commands in V, whatever units the file had; for a rig that is measured in other
+units ``units`` says how these numbers read there.
 
 Two conventions matter at 1 kHz and are the rig's own:
 
@@ -14,11 +15,14 @@ Two conventions matter at 1 kHz and are the rig's own:
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from datetime import datetime
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import numpy.typing as npt
+
+from flexdrive_gym.units import LAB, Units
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -117,6 +121,14 @@ class Recording:
     hold
         What the command did between samples: ``zero`` where it was held, ``band_limited`` where it is the samples of a
         continuous signal without content above half the sampling rate.
+    units
+        The rig's units, for everything that is printed.
+    recorded
+        When the run was recorded, where its file says so.
+    session
+        Which session it belongs to, such as a date or a folder; empty where nothing tells.
+    held
+        Carts that were held in place (1, 2): the other one moves on the spring alone.
     """
 
     name: str
@@ -134,6 +146,10 @@ class Recording:
     notes: tuple[str, ...] = ()
     source: str = ""
     hold: Hold = "zero"
+    units: Units = LAB
+    recorded: datetime | None = None
+    session: str = ""
+    held: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.t)

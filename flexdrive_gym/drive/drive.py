@@ -15,6 +15,7 @@ from flexdrive_gym.drive import parameters
 from flexdrive_gym.drive import simulate as simulation
 from flexdrive_gym.drive.linear import LinearDrive
 from flexdrive_gym.recording import FloatArray, Recording
+from flexdrive_gym.units import LAB, Units
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,8 @@ class Drive:
         Where the numbers come from.
     name
         Title for tables and plots.
+    units
+        The rig's units, for everything that is printed; values here and all signals are the engine's (V, mm, s).
 
     Raises
     ------
@@ -77,6 +80,7 @@ class Drive:
     covariance: Covariance | None = None
     provenance: Provenance = field(default_factory=Provenance)
     name: str = "drive"
+    units: Units = LAB
 
     def __post_init__(self) -> None:
         values = parameters.checked(self.values)
@@ -90,7 +94,7 @@ class Drive:
         return self.values.get(name, parameters.parameter(name).null)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        state = (dict(self.values), dict(self.intervals), self.covariance, self.provenance, self.name)
+        state = (dict(self.values), dict(self.intervals), self.covariance, self.provenance, self.name, self.units)
         return Drive, state
 
     def __repr__(self) -> str:
@@ -117,7 +121,7 @@ class Drive:
 
         Changing a value drops the intervals and the covariance of that value unless they are given too.
         """
-        fields = {k: more.pop(k) for k in ("intervals", "covariance", "provenance", "name") if k in more}
+        fields = {k: more.pop(k) for k in ("intervals", "covariance", "provenance", "name", "units") if k in more}
         changed = {**(changes or {}), **more}
         if changed:
             fields.setdefault("intervals", {k: v for k, v in self.intervals.items() if k not in changed})
@@ -207,7 +211,8 @@ class Drive:
             With x1, x2, v1, v2 as the drive's encoders and velocity processing report them.
         """
         times, commands = simulation.uniform(t, u, "u")
-        return simulation.open_loop(self.values, times, commands, start, physics_step, travel_limit, name)
+        run = simulation.open_loop(self.values, times, commands, start, physics_step, travel_limit, name)
+        return run if self.units.lab else replace(run, units=self.units)
 
     def simulate_closed_loop(
         self,
@@ -241,4 +246,5 @@ class Drive:
             With xr, u, x1, x2, v1, v2.
         """
         times, xr = simulation.uniform(t, reference, "reference")
-        return simulation.closed_loop(self.values, times, xr, controller, start, physics_step, travel_limit, name)
+        run = simulation.closed_loop(self.values, times, xr, controller, start, physics_step, travel_limit, name)
+        return run if self.units.lab else replace(run, units=self.units)

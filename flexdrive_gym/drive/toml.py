@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,18 +14,25 @@ from flexdrive_gym.drive import parameters
 from flexdrive_gym.drive.drive import Covariance, Drive, Provenance
 from flexdrive_gym.drive.effects import LAYOUT
 from flexdrive_gym.files import write_atomically
+from flexdrive_gym.recording import FloatArray
+from flexdrive_gym.units import LAB, Units
 
 SCHEMA = 1
+_UNITS = ("length", "command", "per_length", "per_command", "per_time")
 
 
 def _entry(drive: Drive, name: str) -> Any:
     spec = parameters.parameter(name)
     entry = tomlkit.inline_table()
-    entry["value"] = drive[name]
-    entry["unit"] = spec.unit
+    entry["value"], entry["unit"] = drive.units.of_rig(drive[name], spec.unit)
     if name in drive.intervals:
-        entry["ci95"] = [float(x) for x in drive.intervals[name]]
+        entry["ci95"] = [drive.units.of_rig(float(x), spec.unit)[0] for x in drive.intervals[name]]
     return entry
+
+
+def _sizes(names: Sequence[str], units: Units) -> FloatArray:
+    """Return how many of the engine's units make one of the rig's, ndarray, shape (n,)."""
+    return np.array([units.one(parameters.parameter(name).unit) for name in names])
 
 
 def dumps(drive: Drive) -> str:
@@ -36,6 +44,12 @@ def dumps(drive: Drive) -> str:
     document["schema"] = SCHEMA
     document["name"] = drive.name
     document["carts"] = drive.carts
+    if not drive.units.lab:
+        units = tomlkit.table()
+        units.comment("names, and how many mm, V and s of the lab one unit of the rig is simulated as")
+        for key in _UNITS:
+            units[key] = getattr(drive.units, key)
+        document["units"] = units
 
     provenance = tomlkit.table()
     provenance["method"] = drive.provenance.method
@@ -65,7 +79,8 @@ def dumps(drive: Drive) -> str:
         table = tomlkit.table()
         table["names"] = list(drive.covariance.names)
         rows = tomlkit.array().multiline(multiline=True)
-        for row in drive.covariance.matrix:
+        sizes = _sizes(drive.covariance.names, drive.units)
+        for row in drive.covariance.matrix / np.outer(sizes, sizes):
             rows.append([float(x) for x in row])
         table["matrix"] = rows
         document["covariance"] = table
@@ -77,9 +92,26 @@ def save_drive(drive: Drive, path: str | Path) -> Path:
     return write_atomically(path, dumps(drive))
 
 
-def _number(where: str, name: str, entry: Any, intervals: dict[str, tuple[float, float]]) -> float:
+def _units(where: str, table: Any) -> Units:
+    """Return the rig's units; the lab's where the file names none."""
+    if table is None:
+        return LAB
+    unknown = sorted(set(table) - set(_UNITS))
+    if unknown:
+        raise ValueError(f"{where}: [units] has {', '.join(_UNITS)}; got {unknown[0]!r}. Remove it.")
+    for key in _UNITS[2:]:
+        value = table.get(key, 1.0)
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < np.inf:
+            raise ValueError(
+                f"{where}: [units] {key} must be a positive number; got {value!r}. Write 1.0 for the lab's."
+            )
+    return Units(**table)
+
+
+def _number(where: str, name: str, entry: Any, intervals: dict[str, tuple[float, float]], units: Units) -> float:
     table = entry if isinstance(entry, dict) else {"value": entry}
-    unit = parameters.parameter(name).unit
+    spec = parameters.parameter(name).unit
+    unit, one = units.name(spec), units.one(spec)
     if table.get("unit", unit) != unit:
         raise ValueError(f"{where}: {name} must be given in {unit}; got {table['unit']!r}. Convert the value.")
     value = table.get("value")
@@ -87,8 +119,8 @@ def _number(where: str, name: str, entry: Any, intervals: dict[str, tuple[float,
         raise TypeError(f"{where}: {name} needs a number as value; got {value!r}.")
     if "ci95" in table:
         low, high = table["ci95"]
-        intervals[name] = (float(low), float(high))
-    return float(value)
+        intervals[name] = (float(low) * one, float(high) * one)
+    return float(value) * one
 
 
 def loads(text: str, where: str = "drive.toml") -> Drive:
@@ -104,14 +136,15 @@ def loads(text: str, where: str = "drive.toml") -> Drive:
         )
     values: dict[str, float] = {}
     intervals: dict[str, tuple[float, float]] = {}
+    units = _units(where, document.get("units"))
     try:
         for name, entry in document["parameters"].items():
-            values[name] = _number(where, name, entry, intervals)
+            values[name] = _number(where, name, entry, intervals, units)
         for effect_id, places in document.get("effects", {}).items():
             for place, entries in places.items():
                 for short, entry in entries.items():
                     name = _key(effect_id, place, short)
-                    values[name] = _number(where, name, entry, intervals)
+                    values[name] = _number(where, name, entry, intervals, units)
     except KeyError as error:
         raise ValueError(f"{where}: {error.args[0]}") from error
     source = document.get("provenance", {})
@@ -120,9 +153,7 @@ def loads(text: str, where: str = "drive.toml") -> Drive:
         return Drive(
             values,
             intervals,
-            Covariance(tuple(covariance["names"]), np.array(covariance["matrix"], dtype=np.float64))
-            if covariance
-            else None,
+            _covariance(covariance, units) if covariance else None,
             Provenance(
                 source.get("method", "values"),
                 tuple(source.get("recordings", ())),
@@ -130,9 +161,16 @@ def loads(text: str, where: str = "drive.toml") -> Drive:
                 source.get("note", ""),
             ),
             document.get("name", "drive"),
+            units,
         )
     except ValueError as error:
         raise ValueError(f"{where}: {error}") from error
+
+
+def _covariance(table: Any, units: Units) -> Covariance:
+    names = tuple(table["names"])
+    sizes = _sizes(names, units)
+    return Covariance(names, np.array(table["matrix"], dtype=np.float64) * np.outer(sizes, sizes))
 
 
 def _key(effect_id: str, place: str, short: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 from collections import Counter
 from dataclasses import replace
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,10 +19,12 @@ from identification.recordings.faults import find_faults, missing_samples
 from identification.recordings.files import EXTENSIONS, extension, read_table
 from identification.recordings.quantum import encoder_quantum, velocity_cutoff
 from identification.recordings.recognise import recognise_excitation
+from identification.recordings.recording_set import RecordingSet, Skipped
+from identification.recordings.rig import Rig, load_rig
 from identification.recordings.timing import Uniform, make_uniform
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from flexdrive_gym.recording import FloatArray
     from identification.recordings.files import Table
@@ -32,8 +35,13 @@ class _NotARecordingError(RecordingError):
 
 
 def read_recordings(
-    paths: str | Path | Sequence[str | Path], *, on_skip: Callable[[Path, str], None] | None = None
-) -> tuple[Recording, ...]:
+    paths: str | Path | Sequence[str | Path],
+    *,
+    rig: Rig | str | Path | None = None,
+    strict: bool = False,
+    only: Sequence[str] = (),
+    skip: Sequence[str] = (),
+) -> RecordingSet:
     """Read the recordings of one rig.
 
     Parameters
@@ -41,26 +49,34 @@ def read_recordings(
     paths
         A folder, searched recursively for ``.csv``, ``.csv.gz`` and ``.mat`` in sorted order, a file, or
         several of either.
-    on_skip
-        Called with the path and the reason for each file of a folder that is left out. Reference
-        trajectories (time and xr only) are always left out. A file that cannot be read raises by default;
-        with ``on_skip`` it is left out too.
+    rig
+        What the columns mean: a description, or the ``rig.toml`` it stands in; default: the reader recognises names by itself.
+    strict
+        A file of a folder that cannot be read raises instead of being left out.
+    only, skip
+        Patterns, such as ``2-5/*``, of the files to read and of those to leave out.
 
     Returns
     -------
-    tuple of Recording
-        With quanta, excitation, faults and notes. Names are file names without extension, with the folder's
-        in front where two files have the same.
+    RecordingSet
+        A tuple of recordings with quanta, excitation, faults and notes, and with what was left out and why. Names are file
+        names without extension, with the folder's in front where two files have the same.
 
     Raises
     ------
     RecordingError
-        If a path does not exist, a folder holds no recordings, or a file cannot be read as one. The message
-        names the file, the column, the rule, the value and a remedy.
+        If a path does not exist, a file that was named itself cannot be read, or nothing can: with every file's reason. The
+        message names the file, the column, the rule, the value and a remedy.
     """
-    files = _collect([paths] if isinstance(paths, str | Path) else list(paths))
+    described = load_rig(rig) if isinstance(rig, str | Path) else rig or Rig()
+    files = [
+        (path, root)
+        for path, root in _collect([paths] if isinstance(paths, str | Path) else list(paths))
+        if _wanted(path if root is None else path.relative_to(root), only, skip)
+    ]
     names = _names([path for path, _ in files])
     recordings = []
+    skipped: list[Skipped] = []
     for (path, root), name in zip(files, names, strict=True):
         source = path.name if root is None else path.relative_to(root).as_posix()
         try:
@@ -68,20 +84,26 @@ def read_recordings(
         except RecordingError as error:
             # folders repeat file names, so the message names the file from the folder down
             message = source + str(error).removeprefix(path.name)
-            if root is None or (on_skip is None and not isinstance(error, _NotARecordingError)):
+            if root is None or (strict and not isinstance(error, _NotARecordingError)):
                 raise RecordingError(message) from error
-            if on_skip is not None:
-                on_skip(path, message)
+            skipped.append(Skipped(source, str(error).removeprefix(f"{path.name}: ")))
     if not recordings:
-        listing = ", ".join(path.name for path, _ in files[:5])
+        listing = "".join(f"\n  {item.file}: {item.reason}" for item in skipped) or "no file that was asked for"
         raise broken(
             _shown(paths),
             "files",
             "at least one must be a recording",
-            f"none in {listing}",
-            "A recording has columns such as t_s,u_V,v1_mm_s,v2_mm_s.",
+            listing,
+            "A recording has columns such as t_s,u_V,v1_mm_s,v2_mm_s; 'flexdrive check' says more.",
         )
-    return find_faults(_share_quantum(recordings))
+    return RecordingSet(find_faults(_share_quantum(recordings)), skipped, described)
+
+
+def _wanted(path: Path, only: Sequence[str], skip: Sequence[str]) -> bool:
+    def matches(patterns: Sequence[str]) -> bool:
+        return any(fnmatchcase(text, pattern) for pattern in patterns for text in (path.as_posix(), path.name))
+
+    return (not only or matches(only)) and not matches(skip)
 
 
 def _shown(paths: str | Path | Sequence[str | Path]) -> str:
