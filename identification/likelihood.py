@@ -97,10 +97,11 @@ class MaximumLikelihood:
     notes: tuple[str, ...] = field(default=())
 
     def __str__(self) -> str:
+        units = self.drive.units
         lines = [f"maximum likelihood fit of {len({c.recording for c in self.channels})} recordings"]
-        lines += [f"  {name:8s} {q}" for name, q in {**self.quantities, **self.ratios}.items()]
+        lines += [f"  {name:8s} {q.of_rig(units)}" for name, q in {**self.quantities, **self.ratios}.items()]
         lines.append(
-            f"  rms residual {self.rms:.3g} mm/s over {self.samples} samples, worth {self.effective_samples:.0f} "
+            f"  rms residual {units.text(self.rms, 'mm/s', 3)} over {self.samples} samples, worth {self.effective_samples:.0f} "
             "independent ones"
         )
         return "\n".join([*lines, *(f"  note: {note}" for note in self.notes)])
@@ -286,6 +287,7 @@ def _result(
         Covariance(fit.names, covariance),
         Provenance("ml", tuple(r.name for r in used), __version__, "; ".join(remarks)),
         name="identified drive",
+        units=used[0].units,
     )
     whole = drive.carts == 1 or {"m1", "m2", "b1", "b2", "k"} <= set(values)
     quantities, ratios = derived_quantities(drive, fit.ties, quantile) if whole else ({}, {})

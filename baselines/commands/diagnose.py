@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from baselines.commands._output import Json, Recordings, number, plain, print_faults, print_json, progress, say, table
+from baselines.commands._reading import Only, RigFile, Skip, Strict, read, skipped_json, skipped_lines
 
 if TYPE_CHECKING:
     from flexdrive_gym import Recording
@@ -32,6 +33,10 @@ def diagnose(
         bool,
         typer.Option("--suggest", help="Also write the experiments that would separate what cannot be told apart."),
     ] = False,
+    rig: RigFile = None,
+    strict: Strict = False,
+    only: Only = None,
+    skip: Skip = None,
     json: Json = False,
 ) -> None:
     """Locate, name, model and prove the physics that simulation and recordings disagree about."""
@@ -41,8 +46,9 @@ def diagnose(
         def tell(step: str) -> None:
             bar.update(task, advance=1, description=step)
 
+        runs = read(recordings, rig, strict, only, skip)
         found, suggestions = write_diagnosis(
-            recordings,
+            runs,
             output,
             seed=seed,
             jobs=jobs,
@@ -50,8 +56,10 @@ def diagnose(
             tell=tell,
         )
     if json:
-        print_json(_content(found, suggestions if suggest else None))
+        print_json(_content(found, suggestions if suggest else None, runs))
         return
+    for line in skipped_lines(runs):
+        say(line)
     print_diagnosis(found)
     if suggest:
         print_suggestions(suggestions, output)
@@ -59,7 +67,7 @@ def diagnose(
 
 
 def write_diagnosis(
-    recordings: list[Path],
+    runs: Sequence[Recording],
     output: Path,
     *,
     seed: int = 0,
@@ -74,11 +82,8 @@ def write_diagnosis(
     from flexdrive_gym import save_drive  # noqa: PLC0415
     from flexdrive_gym.files import write_together  # noqa: PLC0415
     from identification import diagnose as run  # noqa: PLC0415
-    from identification import read_recordings  # noqa: PLC0415
     from identification.mismatch.suggest import suggest_experiments, write_suggestions  # noqa: PLC0415
 
-    tell("reading recordings")
-    runs = read_recordings(recordings)
     require_enough(runs)
     found = run(runs, seed=seed, jobs=jobs, say=tell)
     tell("predicting")
@@ -91,7 +96,9 @@ def write_diagnosis(
     page = build_diagnosis(found, title=title, suggestions=suggestions, jobs=jobs)
 
     def write(folder: Path) -> None:
-        text = encoder.dumps(plain(_content(found, suggestions if suggest else None)), ensure_ascii=False, indent=1)
+        text = encoder.dumps(
+            plain(_content(found, suggestions if suggest else None, runs)), ensure_ascii=False, indent=1
+        )
         (folder / "diagnosis.json").write_text(text + "\n", encoding="utf-8")
         (folder / "report.html").write_text(page, encoding="utf-8")
         save_drive(found.drive, folder / "drive.toml")
@@ -115,7 +122,7 @@ def require_enough(runs: Sequence[Recording]) -> None:
         rule = f"a diagnosis needs at least {_FEWEST_S:g} s of recordings"
     elif len(runs) > 1 or seconds >= _ONE_IS_ENOUGH_S:
         return
-    kinds = "; ".join(sorted({str(r.excitation) for r in runs}))
+    kinds = "; ".join(sorted({r.excitation.text(r.units) for r in runs}))
     raise ValueError(
         f"recordings: {rule}; got {len(runs)} of {seconds:.1f} s in all ({kinds}). Record squares of ±1.5 V and ±2 V at 0.5 Hz "
         "and sines of ±2.5 V from 0.5 to 5 Hz next (handout 2.5, 2.6), or, where the loop cannot be opened, one run of at least "
@@ -123,8 +130,10 @@ def require_enough(runs: Sequence[Recording]) -> None:
     )
 
 
-def _content(found: Diagnosis, suggestions: tuple[Suggestion, ...] | None) -> Mapping[str, object]:
-    content = found.as_json()
+def _content(
+    found: Diagnosis, suggestions: tuple[Suggestion, ...] | None, runs: Sequence[Recording]
+) -> Mapping[str, object]:
+    content = found.as_json() | {"skipped": skipped_json(runs)}
     if suggestions is not None:
         content["suggestions"] = [s.as_json() for s in suggestions]
     return content

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from baselines.commands._output import Json, Recordings, interval, number, print_json, progress, say, table
+from baselines.commands._reading import Only, RigFile, Skip, Strict, read, skipped_json, skipped_lines
 
 if TYPE_CHECKING:
     from identification import Identification, MaximumLikelihood
@@ -36,12 +38,15 @@ def identify(
     damping: Annotated[bool, typer.Option(help="ml only: fit the spring's damping C too.")] = False,
     compare_tied: Annotated[bool, typer.Option(help="ml only: also fit with the handout's ratios held.")] = True,
     threads: Annotated[int | None, typer.Option(min=1, help="ml only: threads; the answer does not change.")] = None,
+    rig: RigFile = None,
+    strict: Strict = False,
+    only: Only = None,
+    skip: Skip = None,
     json: Json = False,
 ) -> None:
     """Identify the drive; print the quantities of handout 3.5 and write drive.toml."""
     from flexdrive_gym import save_drive  # noqa: PLC0415
     from identification import identify as run  # noqa: PLC0415
-    from identification import read_recordings  # noqa: PLC0415
     from identification.likelihood import identify_by_likelihood  # noqa: PLC0415
     from identification.quantities import HANDOUT_RATIOS  # noqa: PLC0415
     from identification.recordings.faults import gathered  # noqa: PLC0415
@@ -49,7 +54,7 @@ def identify(
     ties = {n: v for n, v in (("alpha", alpha), ("beta", beta), ("gamma", gamma)) if v is not None}
     with progress() as bar:
         task = bar.add_task("reading recordings", total=3)
-        runs = read_recordings(recordings)
+        runs = read(recordings, rig, strict, only, skip)
         bar.update(task, advance=1, description="identifying")
         found = run(runs, method.value, ties=ties or None, p=p, damping=damping, threads=threads)
         bar.update(task, advance=1, description="handout's ratios held")
@@ -65,28 +70,35 @@ def identify(
         for f in gathered(r.faults)
     ]
     if json:
-        print_json(_as_json(found, tied, output) | {"recording_notes": remarks})
+        print_json(_as_json(found, tied, output) | {"recording_notes": remarks, "skipped": skipped_json(runs)})
         return
+    for line in skipped_lines(runs):
+        say(line)
     _print(found, tied, output, remarks)
 
 
 def _as_json(found: Identification, tied: MaximumLikelihood | None, output: Path) -> dict[str, object]:
     from identification import MaximumLikelihood  # noqa: PLC0415
 
+    units = found.drive.units
     result: dict[str, object] = {
         "drive": output,
         "method": found.method,
-        "quantities": found.quantities,
+        "quantities": {name: q.of_rig(units) for name, q in found.quantities.items()},
         "notes": found.result.notes,
     }
+    speed = units.one("mm/s")
     if isinstance(found.result, MaximumLikelihood):
         result |= {
             "ratios": found.result.ratios,
-            "rms_mm_s": found.result.rms,
+            "rms": found.result.rms / speed,
+            "tied_rms": None if tied is None else tied.rms / speed,
+            "unit": units.name("mm/s"),
             "effective_samples": found.result.effective_samples,
-            "per_recording": found.result.channels,
-            "tied_rms_mm_s": None if tied is None else tied.rms,
+            "per_recording": [replace(c, rms=c.rms / speed) for c in found.result.channels],
         }
+        if units.lab:  # names of keys from before there were other units
+            result |= {"rms_mm_s": result["rms"], "tied_rms_mm_s": result["tied_rms"]}
     return result
 
 
@@ -101,8 +113,8 @@ def _print(found: Identification, tied: MaximumLikelihood | None, output: Path, 
     from identification import MaximumLikelihood  # noqa: PLC0415
     from identification.likelihood import improvement  # noqa: PLC0415
 
-    result = found.result
-    rows = dict(found.quantities)
+    result, units = found.result, found.drive.units
+    rows = {name: q.of_rig(units) for name, q in found.quantities.items()}
     if isinstance(result, MaximumLikelihood):
         rows |= dict(result.ratios)
     table(
@@ -112,12 +124,12 @@ def _print(found: Identification, tied: MaximumLikelihood | None, output: Path, 
     )
     if isinstance(result, MaximumLikelihood):
         say(
-            f"rms residual {result.rms:.2f} mm/s over {result.samples} samples, worth {result.effective_samples:.0f} "
-            "independent ones"
+            f"rms residual {units.text(result.rms, 'mm/s', 3)} over {result.samples} samples, worth "
+            f"{result.effective_samples:.0f} independent ones"
         )
         if tied is not None:
             say(
-                f"with the handout's ratios held: {tied.rms:.2f} mm/s; freeing them cuts the squared error by "
+                f"with the handout's ratios held: {units.text(tied.rms, 'mm/s', 3)}; freeing them cuts the squared error by "
                 f"{100.0 * improvement(tied, result):.0f} %"
             )
     for note in [*result.notes, *remarks]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 
 from flexdrive_gym.files import write_atomically
 
@@ -17,8 +18,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
 
     from flexdrive_gym.recording import FloatArray, Recording
+    from flexdrive_gym.units import Units
 
 CART = {1: "#1f5a99", 2: "#d9660f"}
 COMMAND = "#333333"
@@ -105,6 +108,24 @@ def shade_faults(axes: Axes, recording: Recording, *places: str) -> None:
         colour = FAULTS[kinds.index(fault.id) % len(FAULTS)]
         axes.axvspan(fault.start_s, end, color=colour, linewidth=0.0, label=label, zorder=0)
         named.add(fault.id)
+
+
+def label_in(axis: Axis, text: str, units: Units) -> None:
+    """Label an axis whose numbers are the engine's as the rig's owner reads it.
+
+    Parameters
+    ----------
+    axis
+        Drawn in the engine's units.
+    text
+        Label that ends with the lab's unit in brackets, such as ``velocity [mm/s]``.
+    units
+        The rig's.
+    """
+    axis.set_label_text(units.name(text))
+    one = units.one(text[text.rindex("[") + 1 : text.rindex("]")])
+    if one != 1.0:
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / one:g}"))
 
 
 def legend_above(axes: Axes) -> None:
