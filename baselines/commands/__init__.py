@@ -17,6 +17,7 @@ from baselines.commands import (
     diagnose,
     experiment,
     identify,
+    lab,
     report,
     stability,
     train,
@@ -36,7 +37,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for _module in (
-    demo, identify, validate, stability, experiment, diagnose, design, train, compare, report, blind, benchmark
+    demo, identify, validate, stability, experiment, diagnose, design, train, compare, report, lab, blind, benchmark
 ):  # fmt: skip
     app.command()(getattr(_module, _module.__name__.rsplit(".", 1)[-1]))
 
