@@ -16,21 +16,9 @@ from typing import Any, Self
 
 import aiohttp
 
-_QUIET = [
-    "--headless=new",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--disable-default-apps",
-    "--mute-audio",
-    "--hide-scrollbars",
-    "--disable-dev-shm-usage",
-    "--remote-debugging-port=0",
-]
+_QUIET = """--headless=new --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking
+--disable-component-update --disable-sync --disable-default-apps --mute-audio --hide-scrollbars --disable-dev-shm-usage
+--remote-debugging-port=0""".split()  # noqa: SIM905
 # no name but loopback's is resolved, so that a page that asks elsewhere fails
 _LOOPBACK_ALONE = "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1, EXCLUDE localhost"
 

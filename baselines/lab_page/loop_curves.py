@@ -173,7 +173,9 @@ def nyquist_and_bode(drive: Drive, controller: LinearController, factor: float) 
     marks = [] if np.isnan(found.crossover) else [Line(found.crossover, "x", "good" if found.stable else "bad")]
     marks_180 = [] if np.isnan(found.at) else [Line(found.at, "x", "warn")]
     gain_label = "" if np.isnan(found.gain_margin) else texts.GAIN_MARGIN.format(gm=found.gain_margin)
-    phase_label = "" if np.isnan(found.crossover) else texts.PHASE_MARGIN.format(pm=found.phase_margin_deg)
+    phase_label = (
+        "" if np.isnan(found.crossover) else texts.PHASE_MARGIN.format(pm=found.phase_margin_deg).replace("-", "−")
+    )
     size = Chart(
         texts.BODE_GAIN,
         Axis("ω [rad/s]", *span, log=True),

@@ -17,14 +17,15 @@ from baselines.lab_page.controller_files import read_controller
 from baselines.lab_page.elements import heading, paragraph
 from baselines.lab_page.motion import Motion, controller_of, is_quick, rig_of, simulate
 from baselines.lab_page.panels.control import ControlPanel
+from baselines.lab_page.panels.exercise import ExercisePanel
+from baselines.lab_page.panels.guide import GuidePanel
 from baselines.lab_page.panels.physics import PhysicsPanel
+from baselines.lab_page.panels.recordings import RecordingsPanel, Workbench
 from baselines.lab_page.panels.rig import RigPanel
-from baselines.lab_page.session import Lab, Session
+from baselines.lab_page.session import PLAIN, Lab, Session
 from baselines.lab_page.settings import Settings, from_query
 from baselines.lab_page.stability_lamp import SWING_MM, Lamp, lamp
 from flexdrive_gym import Controller, Drive, LinearController
-
-PLAIN = "plain"
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,7 @@ class Page:
         self.session = Session(lab, settings)
         self._number = 0
         self._design: list[tuple[Settings, Controller | None]] = []
+        ui.colors(primary="#1f6fb8", positive="#15803d", negative="#c81e1e", warning="#a16207")
         ui.html(f'<a class="lab-skip" href="#controls">{texts.SKIP}</a>', sanitize=False)
         self._header()
         with ui.element("main").classes("lab-main"):
@@ -62,6 +64,27 @@ class Page:
         with ui.element("footer").classes("lab-footer"):
             paragraph(texts.LOCAL)
         self.change(self.session.settings)
+        if lab.exercise:
+            self.tabs.set_value(texts.TAB_EXERCISE)
+        if lab.recordings:
+            if not lab.exercise:
+                self.tabs.set_value(texts.TAB_RECORDINGS)
+            background_tasks.create(self._begin(), name="lab recordings")
+
+    async def _begin(self) -> None:
+        with self.client:
+            await self.recordings.begin()
+
+    def close(self) -> None:
+        """End what runs for the visitor and remove the visitor's files."""
+        for bench in self.benches:
+            bench.job.cancel()
+        self.session.close()
+
+    @property
+    def benches(self) -> list[Workbench]:
+        """Every place of the page that runs computations."""
+        return [self.recordings.bench, self.guide.bench, self.exercise.bench]
 
     def _header(self) -> None:
         with ui.element("header").classes("lab-header"):
@@ -83,7 +106,7 @@ class Page:
         self.offer()
 
     def _tabs(self) -> None:
-        names = [texts.TAB_CONTROL, texts.TAB_PHYSICS]
+        names = [texts.TAB_CONTROL, texts.TAB_PHYSICS, texts.TAB_RECORDINGS, texts.TAB_GUIDE, texts.TAB_EXERCISE]
         with ui.tabs().classes("lab-tabs").props("dense no-caps align=left outside-arrows mobile-arrows") as self.tabs:
             for name in names:
                 ui.tab(name)
@@ -92,6 +115,12 @@ class Page:
                 self.control = ControlPanel(self.session, self.change, self._load)
             with ui.tab_panel(texts.TAB_PHYSICS), ui.element("div").classes("lab-stack"):
                 self.physics = PhysicsPanel(self.session, self.change, PLAIN)
+            with ui.tab_panel(texts.TAB_RECORDINGS), ui.element("div").classes("lab-stack"):
+                self.recordings = RecordingsPanel(self.session, self.add_drive)
+            with ui.tab_panel(texts.TAB_GUIDE), ui.element("div").classes("lab-stack"):
+                self.guide = GuidePanel(self.session, self.change, self.add_drive)
+            with ui.tab_panel(texts.TAB_EXERCISE), ui.element("div").classes("lab-stack"):
+                self.exercise = ExercisePanel(self.session, self.add_drive)
 
     # ---- what the visitor does -----------------------------------------------------------------------------------------------
     def offer(self) -> None:
@@ -236,7 +265,7 @@ def build_page(lab: Lab) -> Page:
     request = ui.context.client.request
     settings, refused = from_query(request.query_params.multi_items())
     page = Page(lab, settings)
-    ui.context.client.on_delete(page.session.close)
+    ui.context.client.on_delete(page.close)
     if refused:
         ui.notify(texts.REFUSED.format(reasons="; ".join(refused)), type="warning", multi_line=True)
     return page

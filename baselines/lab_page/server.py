@@ -8,12 +8,13 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from nicegui import app, ui
-from starlette.requests import Request
-from starlette.responses import PlainTextResponse
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import FileResponse, PlainTextResponse, Response
 
 from baselines.lab_page import texts
 from baselines.lab_page.page import build_page
-from baselines.lab_page.session import Lab
+from baselines.lab_page.session import SESSIONS, Lab
+from baselines.lab_page.uploads import RefusedError, take
 
 LOOPBACK = "127.0.0.1"
 LARGEST_REQUEST_BYTES = 68_000_000
@@ -102,6 +103,42 @@ async def _healthz(_request: Request) -> PlainTextResponse:
     return PlainTextResponse("ok\n")
 
 
+async def _upload(request: Request) -> PlainTextResponse:
+    """Take one file of a visitor's; a refusal is a sentence."""
+    session = SESSIONS.get(request.path_params["token"])
+    if session is None:
+        return PlainTextResponse(texts.GONE, 404)
+    folder = session.folder / "recordings"
+    folder.mkdir(exist_ok=True)
+    try:
+        await take(folder, request.query_params.get("name", ""), request.stream())
+    except RefusedError as refusal:
+        return PlainTextResponse(str(refusal), 400)
+    except (OSError, ClientDisconnect) as error:
+        return PlainTextResponse(f"{error}", 400)
+    return PlainTextResponse("ok\n")
+
+
+async def _file(request: Request) -> Response:
+    """Give a visitor one file of the visitor's own results."""
+    session = SESSIONS.get(request.path_params["token"])
+    if session is None:
+        return PlainTextResponse(texts.GONE, 404)
+    root = session.folder.resolve()
+    path = (root / request.path_params["path"]).resolve()
+    if not path.is_relative_to(root) or not path.is_file() or path.suffix not in {".html", ".json", ".toml", ".csv"}:
+        return PlainTextResponse(texts.NO_FILE, 404)
+    kind = "text/html" if path.suffix == ".html" else "text/plain"
+    name = path.name if "download" in request.query_params or kind == "text/plain" else None
+    # what is in a report came from files: it may show itself and reach nothing
+    return FileResponse(
+        path,
+        media_type=kind,
+        filename=name,
+        headers={"content-security-policy": "sandbox allow-scripts allow-downloads"},
+    )
+
+
 def install(lab: Lab, names: Sequence[str] = ()) -> Callable[[], None]:
     """Put routes and the door into NiceGUI's app; return the root that builds a visitor's page.
 
@@ -113,6 +150,8 @@ def install(lab: Lab, names: Sequence[str] = ()) -> Callable[[], None]:
         Host names that the server answers to; empty: any.
     """
     app.add_route("/healthz", _healthz, methods=["GET"])
+    app.add_route("/upload/{token}", _upload, methods=["POST"])
+    app.add_route("/file/{token}/{path:path}", _file, methods=["GET"])
     app.add_middleware(Door, names=names)
 
     def root() -> None:
@@ -140,10 +179,11 @@ def serve(lab: Lab, *, host: str = LOOPBACK, port: int = 8080, browser: bool = T
     root = install(lab, names)
     ui.run(
         root, host=host, port=port, title=texts.TITLE, show=browser, reload=False, dark=None, tailwind=False,
-        show_welcome_message=False, favicon=_FAVICON,
+        show_welcome_message=False, favicon=_FAVICON, reconnect_timeout=120.0,
     )  # fmt: skip
 
 
 _FAVICON = """<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 32 32'>
-<rect x='1' y='10' width='11' height='10' rx='2' fill='#1f6fb8'/><rect x='20' y='10' width='11' height='10' rx='2' fill='#c2541b'/>
+<rect x='1' y='10' width='11' height='10' rx='2' fill='#1f6fb8'/>
+<rect x='20' y='10' width='11' height='10' rx='2' fill='#c2541b'/>
 <path d='M12 15l2-3 2 6 2-6 2 3' fill='none' stroke='#555' stroke-width='1.6'/></svg>"""

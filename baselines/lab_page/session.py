@@ -8,11 +8,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from secrets import token_urlsafe
+from weakref import WeakValueDictionary
 
 from baselines.lab_page.settings import Settings
 from flexdrive_gym import DEFAULT_DRIVE, Controller, Drive
 
 BUNDLED = "rig2022"
+# shown beside: the same drive without the effects that are switched on
+PLAIN = "plain"
+
+
+# token to visitor, for the addresses that files are sent to and fetched from; a visitor who left is gone
+SESSIONS: WeakValueDictionary[str, Session] = WeakValueDictionary()
 
 
 @dataclass(frozen=True)
@@ -59,11 +66,12 @@ class Session:
         self.drives: dict[str, Drive] = dict(lab.drives)
         first = next(iter(self.drives))
         known = settings.drive if settings.drive in self.drives else first
-        beside = settings.beside if settings.beside in self.drives else ""
+        beside = settings.beside if settings.beside in {*self.drives, PLAIN} else ""
         self.settings = settings.replace(drive=known, beside=beside)
         self.own: Controller | None = None
         self.token = token_urlsafe(16)
         self._folder: Path | None = None
+        SESSIONS[self.token] = self
 
     @property
     def drive(self) -> Drive:

@@ -218,7 +218,7 @@ STEPS = {
         "2.4 Collocated",
         "The same gain, fed back from x1: stable, for the motor cart's phase never reaches −180°.",
     ),
-    "2.5": ("2.5 Step response", "Open loop, squares of ±1.5 V and ±2 V at 0.5 Hz. Record both."),
+    "2.5": ("2.5 Step response", "Open loop, squares of ±1.5 V and ±2 V at 0.5 Hz. One button records both."),
     "2.6": ("2.6 Frequency response", "Open loop, sines of ±2.5 V from 0.5 to 20 Hz. One button records all fourteen."),
 }
 RECORD_ALL_SINES = "Record all fourteen sines"
@@ -244,3 +244,14 @@ ASK_DIAGNOSIS = "What does the diagnosis say of the same recordings?"
 FIRST_A_RIG = "Conceal an effect first."
 MOST_RUNS = "A rig takes at most {most} experiments; conceal a new effect."
 LOCATED = "Missing force"
+BAD_NAME = "its name or path is none that can be kept"
+SAMPLE = "Load the bundled sample"
+FROM_COMMAND_LINE = "Recordings from the command line are listed."
+READING = "Reading …"
+SKIPPED = "Left out"
+EXPERIMENTS_READ = "What was understood"
+FINDING = "Finding"
+ADVICE = "Advice"
+COLUMNS_READ = ("Recording", "What drove it", "Samples", "Signals")
+GONE = "This page was closed or is too old; load it again."
+NO_FILE = "There is no such file."

@@ -65,7 +65,7 @@ class ControlPanel:
             self._rig_settings()
         with card(), ui.element("div").classes("lab-stack"):
             self.note = paragraph("", "lab-soft")
-            with ui.element("div").classes("lab-plots") as self._plots:
+            with ui.element("div").classes("lab-plots lab-loop") as self._plots:
                 self.plots = {name: Plot() for name in ("locus", "nyquist", "gain", "phase", "amplitude")}
         self.follow()
 

@@ -38,6 +38,7 @@ class _Row:
         if on and not self.sliders:
             self._details()
         self._more.set_visibility(on)
+        self.element.classes(add="lab-on" if on else "", remove="" if on else "lab-on")
         for key, (slider, text) in self.sliders.items():
             if key in effects:
                 if abs((slider.value or 0.0) - effects[key]) > 1e-9:

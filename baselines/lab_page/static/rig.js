@@ -259,7 +259,7 @@ export default {
       const c = this.colours;
       let [low, high] = bounds(arrays);
       const pad = 0.06 * (high - low); low -= pad; high += pad;
-      const y = (v) => bottom - ((v - low) / (high - low)) * (bottom - top), step = tidy(high - low, Math.max(2, (bottom - top) / 34));
+      const y = (v) => bottom - ((v - low) / (high - low)) * (bottom - top), step = tidy(high - low, Math.max(2, (bottom - top) / 24));
       g.fillStyle = c.wash; g.fillRect(f.left, top, f.wide, bottom - top);
       g.strokeStyle = c.line; g.fillStyle = c.soft; g.lineWidth = 1; g.font = "11px system-ui"; g.textAlign = "right";
       for (let v = Math.ceil(low / step) * step; v <= high; v += step) {
