@@ -6,7 +6,7 @@ READY := $(VENV)/.ready
 RECORDINGS ?=
 OUT ?= demo
 
-.PHONY: demo test bench lint clean
+.PHONY: demo lab test bench lint clean
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
@@ -20,6 +20,10 @@ ifeq ($(strip $(RECORDINGS)),)
 else
 	$(BIN)/flexdrive report $(RECORDINGS) -o $(OUT)/report.html
 endif
+
+# the lab in the browser; RECORDINGS=folder begins with other recordings
+lab: $(READY)
+	$(BIN)/flexdrive lab $(RECORDINGS)
 
 test: $(READY)
 	$(BIN)/python -m pytest -m 'not slow'

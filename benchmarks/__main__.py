@@ -10,6 +10,7 @@ from benchmarks import (
     diagnosis,
     environment,
     false_alarms,
+    lab,
     learners,
     learning,
     magnet,
@@ -34,6 +35,7 @@ ALL = {
 # these take minutes to hours, and options of their own
 LONG = {
     "diagnosis": diagnosis.main,
+    "lab": lab.main,
     "false_alarms": false_alarms.main,
     "learners": learners.main,
     "sim_to_real": sim_to_real.main,

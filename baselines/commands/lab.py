@@ -48,6 +48,10 @@ def lab(
             "uploaded; there is no password and no encryption. Use it in a network that you trust.",
             file=sys.stderr,
         )
+    from baselines.lab_page.warm_up import warm_up  # noqa: PLC0415
+
+    say("preparing (a first run compiles for a minute) …")
+    warm_up()
     say(f"the lab is at http://{host}:{port}/ (Ctrl-C ends it)")
     recordings = tuple(p for p in given if p.suffix != ".toml")
     serve(Lab(found | {BUNDLED: DEFAULT_DRIVE}, recordings, rig, exercise), host=host, port=port, browser=browser)

@@ -173,7 +173,7 @@ def simulate(settings: Settings, drive: Drive, controller: Controller | None) ->
         For values that the drive refuses.
     """
     rig = rig_of(settings, drive)
-    t: FloatArray = np.arange(round(DURATION_S / RIG_TIME_S) + 1) * RIG_TIME_S
+    t: FloatArray = np.arange(round(DURATION_S / RIG_TIME_S) + 1, dtype=np.float64) * RIG_TIME_S
     if controller is None:
         u = (square if settings.controller == "square" else sine)(t, settings.amplitude, settings.frequency)
         return _bounded(rig, t, *_open_loop(rig, t, u, settings.pushes), None)

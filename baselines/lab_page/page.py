@@ -9,7 +9,7 @@ from math import inf, isfinite
 from typing import Any
 
 import numpy as np
-from nicegui import background_tasks, run, ui
+from nicegui import background_tasks, ui
 
 from baselines.lab_page import loop_curves, texts
 from baselines.lab_page.chart import Chart
@@ -26,6 +26,9 @@ from baselines.lab_page.session import PLAIN, Lab, Session
 from baselines.lab_page.settings import Settings, from_query
 from baselines.lab_page.stability_lamp import SWING_MM, Lamp, lamp
 from flexdrive_gym import Controller, Drive, LinearController
+
+# NiceGUI sends what has changed every 10 ms
+_SENT_S = 0.025
 
 
 @dataclass(frozen=True)
@@ -178,7 +181,9 @@ class Page:
                 self.rig.show(self._motions(settings, controller))
                 query = json.dumps("?" + settings.query())
                 self.client.run_javascript(f"history.replaceState(null, '', {query})")
-                await asyncio.sleep(0)  # the motion is on its way before the charts are computed
+                await asyncio.sleep(_SENT_S)  # the motion is on its way before the charts are computed
+                if number != self._number:
+                    return
                 await self._charts(number, settings, controller)
             except ValueError as error:
                 ui.notify(str(error), type="negative", multi_line=True)
@@ -197,7 +202,7 @@ class Page:
         name = texts.CONTROLLERS.get(settings.controller, settings.controller)
         note = ui.notification(texts.DESIGNING.format(name=name), spinner=True, timeout=None)
         try:
-            made = await run.io_bound(controller_of, settings, drive)
+            made = await asyncio.to_thread(controller_of, settings, drive)
         finally:
             note.dismiss()
         self._design.append((key, made))
@@ -221,7 +226,7 @@ class Page:
         rig = rig_of(settings, self.session.drive)
         if not isinstance(controller, LinearController):
             self.control.show({}, texts.NOT_LINEAR)
-            swing = await run.io_bound(_swing_of_any, settings, self.session.drive, controller)
+            swing = await asyncio.to_thread(_swing_of_any, settings, self.session.drive, controller)
             if number == self._number and swing is not None:
                 self.rig.light(Lamp("unstable" if swing > SWING_MM else "stable", texts.WATCH))
             return
@@ -234,8 +239,7 @@ class Page:
         charts["locus"] = loop_curves.root_locus(rig, law.controller, law.factor)
         self.control.show(charts)
         self.rig.light(lamp(rig, law.controller, law.factor, found, None, law.unit))
-        await asyncio.sleep(0)
-        factors = await run.io_bound(loop_curves.amplitude_limit, rig, law.controller)
+        factors = await asyncio.to_thread(loop_curves.amplitude_limit, rig, law.controller)
         if number != self._number:
             return
         self.control.show({"amplitude": _amplitude_chart(rig, law, factors)})

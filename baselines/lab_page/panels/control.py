@@ -207,6 +207,8 @@ class ControlPanel:
             if abs(10.0 ** (self.slider.value or 0.0) / value - 1.0) > 2.0 * _STEP:
                 self.slider.set_value(log10(value))
             self.exact.set_value(float(f"{units.of_rig(value, 'V/mm')[0] if self._is_p else value:.4g}"))
+            words = units.text(value, "V/mm", 3) if self._is_p else f"{value:.3g}"
+            self.slider.props(f'aria-valuetext="{words}"')
             self.gain_text.set_text(
                 f"{texts.GAIN} = {units.text(value, 'V/mm')}" if self._is_p else f"{texts.FACTOR} × {value:.3g}"
             )

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable
 from shutil import rmtree
 
-from nicegui import run, ui
+from nicegui import ui
 
 from baselines.lab_page import texts
 from baselines.lab_page.elements import card, heading, paragraph
@@ -94,7 +95,7 @@ class ExercisePanel:
         self.go.set_enabled(False)
         try:
             amplitude, frequency = float(self.amplitude.value or 0.0), float(self.frequency.value or 0.0)
-            path = await run.io_bound(conduct, self.exercise, self.bench.folder, kind, amplitude, frequency)
+            path = await asyncio.to_thread(conduct, self.exercise, self.bench.folder, kind, amplitude, frequency)
         except ValueError as error:
             ui.notify(str(error), type="negative", multi_line=True)
             return

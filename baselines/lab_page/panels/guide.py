@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Any
 
-from nicegui import run, ui
+from nicegui import ui
 
 from baselines.experiments import FREQUENCIES_HZ, SINE_V, SQUARES_V, STABLE_GAIN, open_loop, p_control
 from baselines.lab_page import texts
@@ -58,7 +60,7 @@ class GuidePanel:
     def set_up(self, step: str) -> None:
         """Bring the rig to a step of the handout."""
         s = self.session.settings.replace(reference="moves", pushes=(), factor=1.0)
-        steps = {
+        steps: dict[str, dict[str, Any]] = {
             "2.1": {"controller": "p", "feedback": "x2", "gain": STABLE_GAIN},
             "2.2": {"controller": "p", "feedback": "x2"},
             "2.3": {"controller": "p", "feedback": "x2", "gain": _ABOVE * s.gain},
@@ -71,7 +73,7 @@ class GuidePanel:
     async def record(self, step: str) -> None:
         """Record the present run, or all sines, as the rig would write it."""
         rig, settings = rig_of(self.session.settings, self.session.drive), self.session.settings
-        written = await run.io_bound(_write, list(_runs(step, rig, settings)), self.bench.folder)
+        written = await asyncio.to_thread(_write, list(_runs(step, rig, settings)), self.bench.folder)
         names = ", ".join(path.stem for path in written[:2]) + (" …" if len(written) > 2 else "")
         self.done[step].set_text(f"{texts.RECORDED}: {names}")
         await self.bench.read()

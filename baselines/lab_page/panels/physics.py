@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable
 from typing import Any
 
-from nicegui import events, run, ui
+from nicegui import events, ui
 
 from baselines.lab_page import texts
 from baselines.lab_page.elements import Plot, card, paragraph
@@ -149,7 +150,7 @@ class PhysicsPanel:
         self.note.set_visibility(not s.effects)
         drive = self.session.drive
         try:
-            charts = await run.io_bound(signature, drive, dict(s.effects)) if s.effects else []
+            charts = await asyncio.to_thread(signature, drive, dict(s.effects)) if s.effects else []
         except ValueError as error:
             self.note.set_text(str(error))
             self.note.set_visibility(True)

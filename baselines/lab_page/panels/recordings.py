@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -9,7 +10,7 @@ from shutil import copytree
 from time import monotonic
 from typing import Any
 
-from nicegui import run, ui
+from nicegui import ui
 
 from baselines.lab_page import texts
 from baselines.lab_page.elements import Drop, Plot, card, heading, paragraph, text_of
@@ -108,7 +109,7 @@ class Workbench:
             self.found = RecordingSet((), ())
         else:
             try:
-                self.found = await run.io_bound(
+                self.found = await asyncio.to_thread(
                     read_recordings, [Path(s) for s in sources], rig=Path(rig[1]) if rig else None
                 )
             except (RecordingError, ValueError, OSError) as error:
@@ -154,7 +155,7 @@ class Workbench:
         if drive is None and self.session.drive.units == recording.units and self._name == "recordings":
             drive = self.session.drive
         known: Signal = signal
-        chart, rms = await run.io_bound(overlay, drive, recording, known, self._span)
+        chart, rms = await asyncio.to_thread(overlay, drive, recording, known, self._span)
         self.plot.show(chart)
         unit = recording.units.name("mm/s" if known[0] == "v" else "mm")
         words = "" if rms is None else texts.FIT_RMS.format(rms=f"{rms:.3g} {unit}")
@@ -299,7 +300,7 @@ class RecordingsPanel:
         await self.refresh()
 
     async def _sample(self) -> None:
-        await run.io_bound(copytree, SAMPLE_FOLDER, self.bench.folder, dirs_exist_ok=True)
+        await asyncio.to_thread(copytree, SAMPLE_FOLDER, self.bench.folder, dirs_exist_ok=True)
         await self.refresh()
 
     async def _forget(self) -> None:

@@ -53,7 +53,7 @@ def test_a_command_can_be_cancelled(tmp_path):
         job = Job()
 
         async def stop():
-            while not job.running:
+            while not job.running:  # noqa: ASYNC110  (nothing tells)
                 await asyncio.sleep(0.01)
             job.cancel()
 

@@ -15,9 +15,11 @@ from nicegui.testing.general import nicegui_reset_globals, prepare_simulation
 from nicegui.testing.user import User
 
 from baselines.lab_page import texts
-from baselines.lab_page.elements import Plot, RigView
+from baselines.lab_page.elements import Drop, Plot, RigView
+from baselines.lab_page.exercise import NOTHING
 from baselines.lab_page.server import Door, install
 from baselines.lab_page.session import Lab
+from baselines.sample import FOLDER
 
 
 @asynccontextmanager
@@ -129,6 +131,62 @@ def test_a_wrong_address_gets_its_sentence():
             await until(lambda: bool(user.notify.messages))
             assert "gain: must lie in" in user.notify.messages[0]
             await until(lambda: peak(user) > 0.0)
+
+    asyncio.run(story())
+
+
+def test_uploads_are_a_visitors_own_and_a_broken_file_gets_its_sentence():
+    async def story():
+        async with lab(2) as (one, other):
+            await one.open("/")
+            await other.open("/")
+            address = element(one, Drop).props["url"]
+            assert address != element(other, Drop).props["url"]
+            post = one.http_client.post
+            good = (FOLDER / "square_1.5V_0.5Hz_a.csv.gz").read_bytes()
+            assert (await post(f"{address}?name=day/a.csv.gz", content=good)).status_code == 200
+            assert (await post(f"{address}?name=broken.csv", content=b"no,recording\n1\n")).status_code == 200
+            refused = await post(f"{address}?name=../evil.csv", content=b"1")
+            assert refused.status_code == 400
+            wrong = await post(f"{address}?name=run.py", content=b"1")
+            assert (wrong.status_code, "is no recording" in wrong.text) == (400, True)
+            assert (await post("/upload/nobody?name=a.csv", content=b"1")).status_code == 404
+            with one:
+                element(one, Drop)._handle_event({"listener_id": _listener(one), "args": {"refused": [wrong.text]}})
+            listed = "".join
+            await until(lambda: "1 recordings, 1 files left out" in listed(htmls(one)))
+            assert "broken.csv" in listed(htmls(one))
+            assert "square ±1.5 V, 0.5 Hz" in listed(htmls(one))
+            assert "broken.csv" not in listed(htmls(other))
+            token = address.rsplit("/", 1)[1]
+            get = one.http_client.get
+            assert (await get(f"/file/{token}/recordings/day/a.csv.gz")).status_code == 404  # no result
+            assert (await get(f"/file/{token}/..%2f..%2f..%2fetc/hostname")).status_code == 404
+
+    asyncio.run(story())
+
+
+def htmls(user):
+    return [e.content for e in user.client.elements.values() if isinstance(e, ui.html)]
+
+
+def _listener(user):
+    return next(iter(element(user, Drop)._event_listeners))
+
+
+def test_the_exercise_without_a_browser():
+    async def story():
+        async with lab(given=Lab(exercise=True)) as (user,):
+            await user.open("/")
+            with user:
+                user.find(texts.NEW_RIG).click()
+            await user.should_see(texts.RUN_EXPERIMENT, retries=40)
+            user.find(texts.RUN_EXPERIMENT).click()
+            await user.should_see(texts.RUNS_DONE.format(count=1), retries=200)
+            with user:
+                labelled(user, ui.select, texts.YOUR_GUESS).value = NOTHING
+            user.find(texts.GUESS).click()
+            await user.should_see(texts.ASK_DIAGNOSIS, retries=40)
 
     asyncio.run(story())
 
