@@ -86,7 +86,7 @@ async def latency(trials: int = _TRIALS) -> np.ndarray:
 
 async def pictures(target: Path = PICTURE) -> None:
     """Write the picture of docs/lab.md: a gain that only friction holds."""
-    async with served() as address, Browser(1400, 1000) as browser:
+    async with served() as address, Browser(1400, 1180) as browser:
         await browser.open(f"{address}/?gain=0.24")
         await browser.until("document.querySelector('.lab-rig')?.dataset.number")
         await asyncio.sleep(4.5)

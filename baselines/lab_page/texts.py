@@ -119,6 +119,7 @@ LAMP_WORDS = {"stable": "Stable", "held": "At the limit", "unstable": "Unstable"
 STABLE = "Linear theory and simulation agree."
 STABLE_ALWAYS = "No gain makes the linear loop unstable: its phase never reaches −180°."
 STABLE_MARGIN = "The linear limit is {limit}, {times:.3g} times this gain"
+STABLE_FACTOR = "Linear theory allows {times:.3g} times this gain"
 STABLE_PHASE = "; the phase margin is {pm:.2g}°."
 NEAR = "Stable, but near the limit."
 HELD = "Linear theory calls this unstable above {limit}, but {friction} of Coulomb friction damps small vibrations."
@@ -127,6 +128,11 @@ HELD_ANY = "No vibration within the command limit grows."
 UNSTABLE = "The vibration grows."
 SWINGS = "Six seconds after the move the cart still swings {swing}."
 LEAVES = "The cart leaves the track."
+UNSTABLE_FACTOR = "Linear theory allows {times:.3g} times this gain."
+HELD_FACTOR = (
+    "Linear theory calls this unstable and allows {times:.3g} times this gain, but {friction} of Coulomb friction damps small "
+    "vibrations."
+)
 UNSTABLE_LINEAR = "The linear limit is {limit}; friction lifts it, but not to this gain."
 UNSTABLE_ALTHOUGH = (
     "Linear theory calls it stable: sampling, delay, limit or an effect that is switched on makes the difference."
@@ -152,12 +158,15 @@ WITHOUT_EFFECTS = "{name}, without effects"
 FILTER = "Find an effect"
 
 # recordings
-RECORDINGS_LEAD = "Drop recordings (.csv, .csv.gz, .txt, .mat) or a whole folder. They stay on this machine."
+RECORDINGS_LEAD = (
+    "Drop recordings (.csv, .csv.gz, .txt, .mat) or a whole folder. They stay on this machine. A drive (.toml) "
+)
+"can be dropped too."
 DROP = "Drop files or a folder here, or choose them"
 CHOOSE_FILES, CHOOSE_FOLDER = "Choose files", "Choose a folder"
 TOO_LARGE = "{name} is larger than {most} MB. Leave out what is no recording, or compress it."
 TOO_MANY = "At most {most} files are taken. Leave some out."
-WRONG_KIND = "{name} is no recording: the page reads .csv, .csv.gz, .txt, .mat and rig.toml."
+WRONG_KIND = "{name} is no recording: the page reads .csv, .csv.gz, .txt, .mat, rig.toml and drives (.toml)."
 UPLOAD_FAILED = "{name} was not taken: {reason}"
 FORGET = "Forget all recordings"
 NOTHING_READ = "No recording yet."

@@ -14,7 +14,7 @@ LARGEST_FILE = 64_000_000
 LARGEST_UNPACKED = 200_000_000
 LARGEST_SUM = 400_000_000
 MOST_FILES = 400
-EXTENSIONS = (".csv", ".csv.gz", ".txt", ".mat", "rig.toml")
+EXTENSIONS = (".csv", ".csv.gz", ".txt", ".mat", ".toml")
 _DEEPEST, _LONGEST = 8, 120
 
 

@@ -47,6 +47,7 @@ class Workbench:
 
     def __init__(self, session: Session, folder: str, add_drive: Callable[[str, Drive], None]) -> None:
         self.session, self._name, self._add_drive = session, folder, add_drive
+        self._shown_drives: set[Path] = set()
         self.job, self.found = Job(), RecordingSet((), ())
         self.drive: Drive | None = None
         self._span: tuple[float, float] | None = None
@@ -73,6 +74,19 @@ class Workbench:
         own = sorted(self.folder.rglob("rig.toml")) if self.folder.is_dir() else []
         rig = own[0] if own else (self.session.lab.rig if self._name == "recordings" else None)
         return ["--rig", str(rig)] if rig is not None else []
+
+    def drives(self) -> list[str]:
+        """Offer the drives that were dropped; return one sentence for each that is none."""
+        told = []
+        for path in sorted(self.folder.rglob("*.toml")) if self.folder.is_dir() else ():
+            if path.name == "rig.toml" or path in self._shown_drives:
+                continue
+            self._shown_drives.add(path)
+            try:
+                self._add_drive(f"own{len(self._shown_drives)}", load_drive(path))
+            except (ValueError, TypeError, OSError) as error:
+                told.append(str(error).replace(str(self.folder), "").lstrip("/"))
+        return told
 
     # ---- elements ------------------------------------------------------------------------------------------------------------
     def build_overlay(self) -> None:
@@ -223,6 +237,7 @@ class Workbench:
                 where = located["where"].replace("_", " ")
                 paragraph(f"{where}: {located['share_of_error']:.0%}. {located.get('evidence', '')}", "lab-soft")
             self._links(folder, ("report.html", "diagnosis.json", "drive.toml"))
+            self._frame(folder / "report.html")
         await self._take(folder / "drive.toml", texts.DIAGNOSED, "diagnosed")
         return answer
 
@@ -233,12 +248,19 @@ class Workbench:
         if answer is not None:
             with self.outcome:
                 self._links(target.parent, ("report.html",))
+                self._frame(target)
 
     async def _take(self, path: Path, name: str, key: str) -> None:
         self.drive = load_drive(path).replace(name=name)
         if self._name == "recordings":
             self._add_drive(key, self.drive)
         await self.draw()
+
+    def _frame(self, page: Path) -> None:
+        address = f"/file/{self.session.token}/{page.relative_to(self.session.folder).as_posix()}"
+        ui.element("iframe").classes("lab-frame").props(
+            f'src="{address}" title="{texts.REPORT}" sandbox="allow-scripts"'
+        )
 
     def _links(self, folder: Path, names: Sequence[str]) -> None:
         below = folder.relative_to(self.session.folder)
@@ -296,6 +318,7 @@ class RecordingsPanel:
             await self.refresh()
 
     async def _sent(self, refused: list[str]) -> None:
+        refused = [*refused, *self.bench.drives()]
         self.refused.set_content("".join(f"<p class='lab-note' role='alert'>{text_of(r)}</p>" for r in refused[:20]))
         await self.refresh()
 
