@@ -20,6 +20,7 @@ from baselines.lab_page.session import Session
 from baselines.sample import FOLDER as SAMPLE_FOLDER
 from flexdrive_gym import Drive, Recording, load_drive
 from identification import RecordingError, read_recordings
+from identification.quantities import HANDOUT_RATIOS
 from identification.recordings import RecordingSet
 
 _MOST_LISTED = 60
@@ -210,18 +211,26 @@ class Workbench:
         return answer
 
     async def identify(self) -> None:
-        """Identify, show the quantities, take the drive."""
-        drive = self.results / "drive.toml"
-        self.results.mkdir(parents=True, exist_ok=True)
-        answer = await self.command(texts.IDENTIFY, "identify", "--no-compare-tied", "-o", str(drive))
+        """Identify with free ratios, show the quantities, take the drive."""
+        await self._identify(texts.IDENTIFIED, "identified", ())
+
+    async def identify_tied(self) -> None:
+        """Identify with the handout's ratios held, to be shown beside the free fit."""
+        ratios = [text for name, value in HANDOUT_RATIOS.items() for text in (f"--{name}", f"{value:g}")]
+        await self._identify(texts.IDENTIFIED_TIED, "tied", ratios)
+
+    async def _identify(self, name: str, key: str, options: Sequence[str]) -> None:
+        drive = self.results / key / "drive.toml"
+        drive.parent.mkdir(parents=True, exist_ok=True)
+        answer = await self.command(texts.IDENTIFY, "identify", "--no-compare-tied", *options, "-o", str(drive))
         if answer is None:
             return
         with self.outcome:
             ui.html(
                 table((texts.QUANTITY, texts.VALUE, texts.INTERVAL, texts.UNIT), _quantities(answer)), sanitize=False
             )
-            self._links(self.results, ("drive.toml",))
-        await self._take(drive, texts.IDENTIFIED, "identified")
+            self._links(drive.parent, ("drive.toml",))
+        await self._take(drive, name, key)
 
     async def diagnose(self) -> dict[str, Any] | None:
         """Diagnose, show findings, take the drive; return the diagnosis."""
@@ -302,6 +311,7 @@ class RecordingsPanel:
             Drop(f"/upload/{session.token}", self._sent)
             with ui.element("div").classes("lab-row"):
                 ui.button(texts.IDENTIFY, on_click=self.bench.identify).props("dense no-caps unelevated")
+                ui.button(texts.TIED, on_click=self.bench.identify_tied).props("dense no-caps outline")
                 ui.button(texts.DIAGNOSE, on_click=self.bench.diagnose).props("dense no-caps unelevated")
                 ui.button(texts.REPORT, on_click=self.bench.report).props("dense no-caps outline")
                 ui.button(texts.SAMPLE, on_click=self._sample).props("flat dense no-caps")

@@ -94,7 +94,7 @@ def test_what_the_address_asks_wrongly_is_refused_with_a_sentence(pair, words):
 
 def test_an_effect_too_fast_for_a_live_page_is_refused():
     with pytest.raises(ValueError, match="at most 40 steps a millisecond"):
-        rig_of(Settings(effects={"amplifier_lag.tau": 1e-5}), DEFAULT_DRIVE)
+        rig_of(Settings(effects={"motor_gear_backlash.mass": 1e-8, "motor_gear_backlash.kc": 1e3}), DEFAULT_DRIVE)
 
 
 def test_a_rig_in_other_units_is_shown_in_its_own():
