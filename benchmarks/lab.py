@@ -95,7 +95,7 @@ async def pictures(target: Path = PICTURE, moving: Path = MOVING) -> None:
         await browser.until("document.querySelector('.lab-rig')?.dataset.number")
         await asyncio.sleep(4.5)
         await browser.screenshot(target)
-        await browser.resize(1100, 820)
+        await browser.resize(1100, 880)
         await browser.run("document.querySelector('.lab-play').click()")
         frames = []
         for i in range(_FRAMES):

@@ -158,15 +158,12 @@ WITHOUT_EFFECTS = "{name}, without effects"
 FILTER = "Find an effect"
 
 # recordings
-RECORDINGS_LEAD = (
-    "Drop recordings (.csv, .csv.gz, .txt, .mat) or a whole folder. They stay on this machine. A drive (.toml) "
-)
-"can be dropped too."
+RECORDINGS_LEAD = "Drop recordings, a whole folder of them, or a drive (.toml). They stay on this machine."
 DROP = "Drop files or a folder here, or choose them"
 CHOOSE_FILES, CHOOSE_FOLDER = "Choose files", "Choose a folder"
 TOO_LARGE = "{name} is larger than {most} MB. Leave out what is no recording, or compress it."
 TOO_MANY = "At most {most} files are taken. Leave some out."
-WRONG_KIND = "{name} is no recording: the page reads .csv, .csv.gz, .txt, .mat, rig.toml and drives (.toml)."
+WRONG_KIND = "{name} is no recording: the page reads {kinds}."
 UPLOAD_FAILED = "{name} was not taken: {reason}"
 FORGET = "Forget all recordings"
 NOTHING_READ = "No recording yet."

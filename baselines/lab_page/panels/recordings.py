@@ -192,8 +192,8 @@ class Workbench:
         def tell(stage: str) -> None:
             seen.append(stage)
             self.status.set_text(texts.RUNNING.format(what=what, stage=stage))
-            shown = "".join(f"<li>{text_of(s)}</li>" for s in seen[-40:])
-            self.stages.set_content(f"<ol class='lab-stages'>{shown}</ol>")
+            shown = "".join(f"<li>{text_of(s)}</li>" for s in reversed(seen[-9:-1]))
+            self.stages.set_content(f"<ul class='lab-stages'>{shown}</ul>")
 
         self._results_card.set_visibility(True)
         self.cancel.set_visibility(True)
