@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 _FACTOR = re.compile(r"^(mm|Hz|V|s)([⁰¹²³⁴⁵⁶⁷⁸⁹⁻]*)$")
-_TOKEN = re.compile(r"(?<![^\W\d_])(mm|V)(?![^\W\d_])")
+_TOKEN = re.compile(r"(?<![A-Za-z])(mm|V)(?![A-Za-z])")
 
 
 @dataclass(frozen=True)
