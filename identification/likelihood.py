@@ -31,11 +31,13 @@ import numpy as np
 from scipy.stats import t as student
 
 from flexdrive_gym import Covariance, Drive, Provenance, __version__
+from flexdrive_gym.drive.parameters import parameter
 from flexdrive_gym.recording import FloatArray, Recording
 from identification.descent import LOGARITHMIC, Descent
 from identification.equation_error import start_values
 from identification.output_error import Run, prepare, residuals
 from identification.quantities import HANDOUT_RATIOS, RATIOS, Quantity, derived_quantities
+from identification.recordings import RecordingSet
 from identification.topology import Topology, topology_of
 
 _ROUNDS = 3
@@ -134,7 +136,8 @@ def identify_by_likelihood(
     threads
         Threads for the simulations; default: the processors this process may use. The answer does not depend on it.
     topology
-        Which bodies there are and what is free; default: one cart or two, as the recordings' channels tell.
+        Which bodies there are and what is free; default: one cart or two, as the recordings' channels or their rig description
+        tell, with the effects that it knows.
 
     Returns
     -------
@@ -151,12 +154,13 @@ def identify_by_likelihood(
             raise ValueError(f"ties: must be among {', '.join(RATIOS)}; got {name!r}.")
     used, notes = usable(recordings)
     runs = [prepare(r) for r in used]
-    topology = topology or topology_of(used)
+    topology = topology or topology_of(RecordingSet(used, rig=getattr(recordings, "rig", None)))
     fixed = {**topology.fixed, **(fixed or {})}
     tied = {RATIOS[r][0] for r in ties}
     names = [n for n in (*topology.free, *(["C"] if damping else [])) if n not in tied and n not in fixed]
     found = {**topology.start, **start_values(used, topology)}
-    begin = {n: v for n, v in {"C": 1e-5, **_positive(found), **fixed}.items() if n in {*names, *tied, *fixed}}
+    known = {n: v for n, v in topology.start.items() if "." in n}
+    begin = {n: v for n, v in {"C": 1e-5, **_positive(found), **known, **fixed}.items() if n in {*names, *tied, *fixed}}
     with ThreadPoolExecutor(threads or len(os.sched_getaffinity(0))) as pool:
         # a few recordings tell which start leads to the best valley; all of them then find its bottom
         some = runs[:: max(1, round(len(runs) / _COARSE))]
@@ -266,7 +270,7 @@ def _result(
         # masses and stiffness were fitted as logarithms, so their intervals are ratios
         name: (float(v * np.exp(-s / v)), float(v * np.exp(min(s / v, _UNKNOWN))))
         if name in LOGARITHMIC
-        else (max(0.0, float(v - s)), float(v + s))
+        else (max(parameter(name).lower, float(v - s)), float(v + s))
         for name, v, s in zip(fit.names, (values[n] for n in fit.names), spread, strict=True)
     }
     remarks = list(notes)
@@ -276,7 +280,11 @@ def _result(
             f"{', '.join(unknown)}: not identifiable from these recordings (the interval is wider than twice the value); "
             "add squares at two amplitudes and sines around the resonance"
         )
-    remarks += [f"{n} rests at its bound 0" for n in fit.names if n not in LOGARITHMIC and values[n] < 1e-8]
+    remarks += [
+        f"{n} rests at its bound 0"
+        for n in fit.names
+        if n not in LOGARITHMIC and parameter(n).lower == 0.0 and values[n] < 1e-8
+    ]
     remarks += [
         f"{n} rests at its bound {values[n]:.3g}: the model lacks something that these recordings have"
         for n in fit.resting(z)

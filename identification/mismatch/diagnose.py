@@ -44,7 +44,8 @@ from identification.mismatch.verdict import (
 from identification.mismatch.workbench import Workbench
 from identification.output_error import Run, prepare, simulate_run
 from identification.quantities import HANDOUT_RATIOS
-from identification.recordings import read_recordings
+from identification.recordings import RecordingSet, Rig
+from identification.recordings.given import Source, given
 from identification.topology import Topology, topology_of
 
 # a fit this near to the floor leaves nothing to explain
@@ -58,11 +59,12 @@ _FILTERS = (0.03, 0.08, 0.2)
 
 
 def diagnose(
-    recordings: str | Path | Sequence[str | Path] | Sequence[Recording],
+    recordings: Source,
     *,
     seed: int = 0,
     jobs: int | None = None,
     topology: Topology | None = None,
+    rig: Rig | str | Path | None = None,
     say: Progress = lambda _: None,
 ) -> Diagnosis:
     """Locate the mismatch between drive and recordings, name the physics that was left out, model it and prove it.
@@ -78,6 +80,8 @@ def diagnose(
         lock. The answer does not depend on it.
     topology
         Which bodies there are and what is free; default: one cart or two, as the recordings' channels tell.
+    rig
+        Rig description, or its file, to read recordings with; those already read bring theirs.
     say
         Called with a few words at every stage.
 
@@ -92,22 +96,12 @@ def diagnose(
     """
     begin = time.perf_counter()
     say("reading recordings")
-    runs = _read(recordings)
+    runs = given(recordings, rig)
     split = split_recordings(runs)
     # its own threads keep the processors busy: those of the linear algebra would only be in their way
     with threadpool_limits(1, user_api="blas"), Crew(jobs or len(os.sched_getaffinity(0)) + 1) as pool:
-        return _Diagnosing(
-            runs, split, topology or topology_of(split.learn), np.random.default_rng(seed), pool, say, jobs
-        ).result(begin)
-
-
-def _read(recordings: Any) -> list[Recording]:
-    if isinstance(recordings, str | Path):
-        return list(read_recordings(recordings))
-    items = list(recordings)
-    if items and all(isinstance(r, Recording) for r in items):
-        return items
-    return list(read_recordings(items))
+        bodies = topology or topology_of(RecordingSet(split.learn, rig=runs.rig))
+        return _Diagnosing(runs, split, bodies, np.random.default_rng(seed), pool, say, jobs).result(begin)
 
 
 class _Diagnosing:
