@@ -39,7 +39,7 @@ class Selection:
         Name of a recording to why its command is a reference.
     """
 
-    usable: tuple[Recording, ...]
+    usable: RecordingSet
     left_out: tuple[tuple[Recording, Why], ...]
     held: dict[str, tuple[int, ...]]
     references: dict[str, Reference]
@@ -57,7 +57,7 @@ class Selection:
                 found.append(f"{counted} left out{because} ({listed})")
         return found
 
-    def require(self) -> tuple[Recording, ...]:
+    def require(self) -> RecordingSet:
         """Return the usable recordings.
 
         Raises
@@ -84,7 +84,9 @@ def select(recordings: Sequence[Recording]) -> Selection:
             usable.append(r)
         else:
             out.append((r, why))
-    return Selection(tuple(usable), tuple(out), held, references)
+    if isinstance(recordings, RecordingSet):
+        return Selection(RecordingSet(usable, recordings.skipped, recordings.rig), tuple(out), held, references)
+    return Selection(RecordingSet(usable), tuple(out), held, references)
 
 
 def _why(
