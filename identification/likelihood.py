@@ -206,11 +206,14 @@ def usable(recordings: Sequence[Recording]) -> tuple[list[Recording], list[str]]
     ValueError
         If nothing is left.
     """
-    good = [r for r in recordings if not any(f.id == "duplicate_recording" for f in r.faults)]
+    single = [r for r in recordings if not any(f.id == "duplicate_recording" for f in r.faults)]
+    good = [r for r in single if not r.held]
     open_loop = [r for r in good if not r.closed_loop]
     notes = []
-    if len(good) < len(recordings):
-        notes.append(f"{len(recordings) - len(good)} duplicate recordings left out")
+    if len(single) < len(recordings):
+        notes.append(f"{len(recordings) - len(single)} duplicate recordings left out")
+    if len(good) < len(single):
+        notes.append(f"{len(single) - len(good)} recordings with a held cart left out: the model has two carts that move")
     if open_loop:
         if len(open_loop) < len(good):
             notes.append(f"{len(good) - len(open_loop)} closed-loop recordings kept for validation")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -12,6 +12,7 @@ from identification.likelihood import MaximumLikelihood, identify_by_likelihood
 from identification.quantities import HANDOUT_RATIOS, Quantity
 from identification.recordings import Rig
 from identification.recordings.given import Source, given
+from identification.selection import select
 from identification.step_response import HandoutResult, identify_by_handout
 
 METHODS = ("handout", "ml")
@@ -96,17 +97,20 @@ def identify(
     """
     if method not in METHODS:
         raise ValueError(f"method: must be {' or '.join(METHODS)}; got {method!r}.")
-    runs = given(recordings, rig)
+    selection = select(given(recordings, rig))
+    runs = selection.require()
     told = rig_parameters(runs)
     if method == "handout":
         if damping:
             raise ValueError("damping: the handout assumes C = 0; got damping=True. Use method='ml'.")
         handout = identify_by_handout(runs, **{**HANDOUT_RATIOS, **(ties or {})}, p=p)
+        handout = replace(handout, notes=(*selection.notes, *handout.notes))
         drive = handout.drive()
         return Identification(drive.replace(told, intervals=drive.intervals), handout.quantities, method, handout)
     if p is not None:
         raise ValueError(f"p: only the handout method reads p off and can be told another; got {p:g}.")
     likely = identify_by_likelihood(runs, ties=ties, damping=damping, threads=threads)
+    likely = replace(likely, notes=(*selection.notes, *likely.notes))
     if likely.drive.carts == 1:
         told = {name: value for name, value in told.items() if "encoder_2" not in name}
     drive = likely.drive.replace(told, intervals=likely.drive.intervals, covariance=likely.drive.covariance)

@@ -50,6 +50,7 @@ def identify(
     from identification.likelihood import identify_by_likelihood  # noqa: PLC0415
     from identification.quantities import HANDOUT_RATIOS  # noqa: PLC0415
     from identification.recordings.faults import gathered  # noqa: PLC0415
+    from identification.selection import select  # noqa: PLC0415
 
     ties = {n: v for n, v in (("alpha", alpha), ("beta", beta), ("gamma", gamma)) if v is not None}
     with progress() as bar:
@@ -60,7 +61,7 @@ def identify(
         bar.update(task, advance=1, description="handout's ratios held")
         tied = None
         if method is Method.ml and compare_tied and not ties and found.drive.carts == 2:
-            tied = identify_by_likelihood(runs, ties=HANDOUT_RATIOS, threads=threads)
+            tied = identify_by_likelihood(select(runs).usable, ties=HANDOUT_RATIOS, threads=threads)
         bar.update(task, advance=1)
     save_drive(found.drive, output)
     remarks = [f"{r.name}: {note}" for r in runs for note in r.notes]

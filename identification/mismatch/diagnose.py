@@ -46,6 +46,7 @@ from identification.output_error import Run, prepare, simulate_run
 from identification.quantities import HANDOUT_RATIOS
 from identification.recordings import RecordingSet, Rig
 from identification.recordings.given import Source, given
+from identification.selection import select
 from identification.topology import Topology, topology_of
 
 # a fit this near to the floor leaves nothing to explain
@@ -96,12 +97,16 @@ def diagnose(
     """
     begin = time.perf_counter()
     say("reading recordings")
-    runs = given(recordings, rig)
+    selection = select(given(recordings, rig))
+    runs = selection.require()
     split = split_recordings(runs)
     # its own threads keep the processors busy: those of the linear algebra would only be in their way
     with threadpool_limits(1, user_api="blas"), Crew(jobs or len(os.sched_getaffinity(0)) + 1) as pool:
         bodies = topology or topology_of(RecordingSet(split.learn, rig=runs.rig))
-        return _Diagnosing(runs, split, bodies, np.random.default_rng(seed), pool, say, jobs).result(begin)
+        found = _Diagnosing(runs, split, bodies, np.random.default_rng(seed), pool, say, jobs).result(begin)
+    # what was left out has faults, too
+    faults = tuple(f for r, _ in selection.left_out for f in r.faults)
+    return replace(found, faults=(*found.faults, *faults), notes=(*selection.notes, *found.notes))
 
 
 class _Diagnosing:
