@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from baselines.commands._output import Json, Recordings, print_json, progress, say
+from baselines.commands._results import result_file
 
 if TYPE_CHECKING:
     from identification import Diagnosis
@@ -20,6 +21,7 @@ def report(
     json: Json = False,
 ) -> None:
     """Write the handout's whole report (3.5) as one HTML page."""
+    result_file(output)
     written = write_report(recordings, output, title)
     if json:
         print_json({"report": written})
