@@ -96,7 +96,9 @@ def _is_ramp(u: FloatArray) -> bool:
     active = np.flatnonzero(np.abs(u - u[0]) > 1e-3 * np.ptp(u))
     if size == 0.0 or active.size < 50:
         return False
-    kinks = sorted({0, max(int(active[0]) - 1, 0), int(np.argmax(u)), int(np.argmin(u)), min(int(active[-1]) + 1, u.size - 1)})
+    kinks = sorted(
+        {0, max(int(active[0]) - 1, 0), int(np.argmax(u)), int(np.argmin(u)), min(int(active[-1]) + 1, u.size - 1)}
+    )
     knots = np.array([k for k in (*kinks, u.size - 1) if k >= 0])
     knots = np.unique(knots)
     left = u - np.interp(np.arange(u.size), knots, u[knots])

@@ -2,18 +2,31 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from baselines.commands._command import MOST_SEED, MOST_THREADS, jobs_given
 from baselines.commands._output import DriveFile, Json, number, print_json, progress, say, table
+from baselines.commands._results import Force, interrupted_says, result_folder
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from baselines.compare import Comparison, Improvement, Summary
+
+
+_KEPT = (
+    "nothing of this comparison is kept. The same command begins again; fewer --draws, fewer --controllers and --no-effects take "
+    "less time."
+)
+
+
+# a command that is held for longer than a second controls nothing on this drive
+_LONGEST_MS = 1000
 
 
 class Backend(StrEnum):
@@ -53,24 +66,34 @@ def compare(
         typer.Option(
             "--references",
             "-r",
-            help="Beside the handout's trajectory: name or name:keyword=value:…, comma-separated or repeated; none for none; "
-            "default: s_curve,square,sine,chirp,prbs.",
+            help="Beside the handout's trajectory: name or name:keyword=value, comma-separated or repeated; none for none; "
+            "default: s_curve, square, sine, chirp, prbs.",
         ),
     ] = None,
-    draws: Annotated[int | None, typer.Option(min=0, help="Drives drawn from the covariance; default: 500.")] = None,
+    draws: Annotated[
+        int | None, typer.Option(min=0, max=20_000, help="Drives drawn from the covariance; default: 500.")
+    ] = None,
     effects: Annotated[
         bool, typer.Option(help="Also run every left-out effect of the catalogue at its typical size.")
     ] = True,
-    duration: Annotated[float, typer.Option(min=0.5, help="Of a run along a reference [s].")] = 4.0,
-    limit: Annotated[float, typer.Option(min=0.1, help="Of the command [V]; never more than the drive's own.")] = 8.0,
-    tolerance: Annotated[float, typer.Option(min=0.001, help="For settling and success [mm].")] = 2.0,
+    duration: Annotated[float, typer.Option(min=0.5, max=600.0, help="Of a run along a reference [s].")] = 4.0,
+    limit: Annotated[
+        float, typer.Option(min=0.1, max=1000.0, help="Of the command [V]; never more than the drive's own.")
+    ] = 8.0,
+    tolerance: Annotated[float, typer.Option(min=0.001, max=1000.0, help="For settling and success [mm].")] = 2.0,
     empirical: Annotated[bool, typer.Option(help="Also find margins by trial.")] = True,
-    seed: Annotated[int, typer.Option(min=0, help="Of the draws.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=MOST_SEED, help="Of the draws.")] = 0,
     backend: Annotated[
         Backend, typer.Option(help="Where runs are computed; the answer does not change.")
     ] = Backend.threading,
-    jobs: Annotated[int, typer.Option(help="Workers of this machine; -1: as many as cores.")] = -1,
+    jobs: Annotated[
+        int,
+        typer.Option(
+            min=-1, max=MOST_THREADS, callback=jobs_given, help="Workers of this machine; -1: as many as cores."
+        ),
+    ] = -1,
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, tcp://HOST:PORT.")] = None,
+    force: Force = False,
     json: Json = False,
 ) -> None:
     """Compare controllers and trained agents on the drive, on drives drawn from its covariance, and with left-out effects."""
@@ -87,7 +110,11 @@ def compare(
         if not draws:
             remarks.append("the drive has no covariance, so no drives are drawn; identify it with --method ml")
     cases = comparing.cases_of(rig, draws=draws, effects=effects, references=along, seed=seed)
-    with progress() as bar:
+    with ExitStack() as held:
+        held.enter_context(interrupted_says(lambda: _KEPT))
+        if output is not None:
+            held.enter_context(result_folder(output, "compare.html", force=force))
+        bar = held.enter_context(progress())
         task = bar.add_task("designing", total=None)
         chosen, skipped = comparing.entries(rig, _names(controllers) or (), limit=limit, periods=_seconds(periods))
         everyone = [*chosen, *comparing.previewed_entries(rig, chosen, learnt), *learnt]
@@ -99,7 +126,8 @@ def compare(
         )  # fmt: skip
         bar.update(task, description="summing up")
         summaries, improvements = comparing.summarise(result)
-    pages = [] if output is None else _write(result, output)
+        bar.update(task, description="drawing")
+        pages = [] if output is None else _write(result, output)
     if json:
         print_json(
             _as_json(result)
@@ -129,8 +157,10 @@ def _seconds(periods: str) -> list[float]:
             value = float(item)
         except ValueError:
             value = 0.0
-        if value < 1.0 or abs(value - round(value)) > 1e-9:
-            raise ValueError(f"periods: must be whole milliseconds of at least 1; got {item!r}. Try --periods 1,5.")
+        if not 1.0 <= value <= _LONGEST_MS or abs(value - round(value)) > 1e-9:
+            raise ValueError(
+                f"periods: must be whole milliseconds from 1 to {_LONGEST_MS}; got {item!r}. Try --periods 1,5."
+            )
         found.append(1e-3 * round(value))
     return list(dict.fromkeys(found))
 
@@ -140,11 +170,9 @@ def _write(result: Comparison, output: Path) -> list[Path]:
     from baselines.report.teaching_page import build_teaching_page  # noqa: PLC0415
     from flexdrive_gym.files import write_atomically  # noqa: PLC0415
 
-    with progress() as bar:
-        bar.add_task("drawing", total=None)
-        pages = {"compare.html": build_compare_page(result)}
-        if result.drive.carts == 2:
-            pages["teaching.html"] = build_teaching_page(result)
+    pages = {"compare.html": build_compare_page(result)}
+    if result.drive.carts == 2:
+        pages["teaching.html"] = build_teaching_page(result)
     return [write_atomically(output / name, page.encode()) for name, page in pages.items()]
 
 

@@ -54,6 +54,11 @@ def test_toml_keeps_everything(tmp_path):
         ("not toml =", "must be TOML"),
         ("schema = 9\n[parameters]\n", "schema = 1"),
         ('schema = 1\n[parameters]\nm1 = {value = 1.0, unit = "kg"}', "must be given in V s²/mm; got 'kg'"),
+        ('schema = 1\n[parameters]\nm1 = {value = 1.0, unit = "kg m²"}', r"J \[kg m²\] / \(torque per volt \[N m/V\]"),
+        (
+            'schema = 1\n[parameters]\nk = {value = 1.0, unit = "N/m"}',
+            r"k \[V/mm\] = stiffness \[N/m\] / \(force per volt",
+        ),
         ("schema = 1\n[parameters]\nmass = 1.0", "no parameter of the drive is called 'mass'"),
         ("schema = 1\n[parameters]\nm1 = {value = -1.0}", "m1: must lie in"),
     ],
