@@ -21,7 +21,9 @@ from flexdrive_gym.recording import FloatArray
 ReferenceFunction: TypeAlias = Callable[..., npt.ArrayLike]
 ReferenceSpec: TypeAlias = str | tuple[str, Mapping[str, float]] | npt.ArrayLike | ReferenceFunction
 
-FORMS = "a name, a text 'name:keyword=value:…', a tuple (name, {keyword: value}), an array of positions [mm] or a function of t [s]"
+FORMS = (
+    "a name, a text 'name:keyword=value:…', (name, {keyword: value}), an array of positions [mm] or a function of t [s]"
+)
 
 
 @dataclass(frozen=True)

@@ -290,7 +290,7 @@ WRONG = [
     (
         None,
         TypeError,
-        "must be a name, a text 'name:keyword=value:…', a tuple (name, {keyword: value}), an array of positions [mm] or",
+        "must be a name, a text 'name:keyword=value:…', (name, {keyword: value}), an array of positions [mm] or",
     ),
     ({"sine": 1}, TypeError, "got {'sine': 1} of type dict."),
     (["sine", {}], TypeError, "got ['sine', {}] of type list."),

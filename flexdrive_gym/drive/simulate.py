@@ -90,6 +90,12 @@ class PControl:
         x = observation.x1 if self.feedback == "x1" else observation.x2
         return self.gain * (observation.xr - x)
 
+    def linear(self, sample_time: float = 1e-3) -> LinearController:
+        """Return the same law as a linear controller."""
+        return LinearController.from_tf(
+            self.gain, 1.0, reads=self.feedback, domain="z", sample_time=sample_time, name=f"p_{self.feedback}"
+        )
+
 
 def uniform(t: npt.ArrayLike, values: npt.ArrayLike, name: str) -> tuple[FloatArray, FloatArray]:
     """Check sample instants and one signal; return both as float arrays.
