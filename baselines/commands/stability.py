@@ -63,14 +63,14 @@ def stability(
         })  # fmt: skip
         return
     table(
-        f"P-control of “{rig.name}”",
+        f"critical gain of P-control of “{rig.name}”",
         [
             "feedback",
-            "Routh [V/mm]",
-            "gain margin [V/mm]",
-            "simulated [V/mm]",
-            "vibration [rad/s]",
-            f"PM at {gain:g} V/mm [deg]",
+            "Routh, linear [V/mm]",
+            "gain margin, linear [V/mm]",
+            "simulated with friction [V/mm]",
+            "vibration, linear [rad/s]",
+            f"PM linear at {gain:g} V/mm [deg]",
         ],
         [
             [

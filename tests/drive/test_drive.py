@@ -120,6 +120,36 @@ def test_command_limit_acts_on_open_loop_drives():
     assert np.array_equal(limited.v1, Drive(RIG).simulate(T, square(T, 1.0, 0.5)).v1)
 
 
+@pytest.mark.parametrize(
+    ("answer", "error", "text"),
+    [
+        (float("nan"), ValueError, r"controller: must return a finite command \[V\]; got nan at t = 0.002 s"),
+        (float("inf"), ValueError, "controller: must return a finite command"),
+        (None, TypeError, r"controller: must return one number, the command \[V\]; got None"),
+    ],
+)
+def test_a_controller_that_answers_no_number_is_refused(answer, error, text):
+    t = np.arange(5) * 1e-3
+    with pytest.raises(error, match=text):
+        Drive(RIG).simulate_closed_loop(t, 0.0 * t, lambda seen: 1.0 if seen.t < 0.0015 else answer)
+
+
+def test_a_run_that_leaves_all_bounds_is_a_result():
+    t = np.arange(400) * 1e-3
+    wild = Drive({**RIG, "d1": 0.0, "d2": 0.0})
+    with np.errstate(over="ignore", invalid="ignore"):
+        run = wild.simulate_closed_loop(t, 0.0 * t + 1.0, lambda seen: -1e300 * (seen.xr - seen.x1))
+    assert run.n >= 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"), [((np.nan,), "gain: must be a finite"), ((1.0, "x3"), "feedback: must be")]
+)
+def test_p_control_checks_what_it_is_given(arguments, text):
+    with pytest.raises(ValueError, match=text):
+        PControl(*arguments)
+
+
 def test_compiled_p_control_equals_the_protocol():
     class Same:
         def reset(self):
