@@ -213,7 +213,9 @@ def usable(recordings: Sequence[Recording]) -> tuple[list[Recording], list[str]]
     if len(single) < len(recordings):
         notes.append(f"{len(recordings) - len(single)} duplicate recordings left out")
     if len(good) < len(single):
-        notes.append(f"{len(single) - len(good)} recordings with a held cart left out: the model has two carts that move")
+        notes.append(
+            f"{len(single) - len(good)} recordings with a held cart left out: the model has two carts that move"
+        )
     if open_loop:
         if len(open_loop) < len(good):
             notes.append(f"{len(good) - len(open_loop)} closed-loop recordings kept for validation")
