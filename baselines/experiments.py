@@ -84,8 +84,13 @@ def open_loop(drive: Drive, kind: Literal["square", "sine"], amplitude: float, f
     """Run an open-loop excitation for 8 s (2.5, 2.6); velocities are recorded as the rig makes them."""
     t = _times(DURATION_S)
     u = (square if kind == "square" else sine)(t, amplitude, frequency)
-    run = with_rig(drive).simulate(t, u, name=f"{kind}_{amplitude:.1f}V_{frequency:.1f}Hz")
+    run = with_rig(drive).simulate(t, u, name=f"{kind}_{_short(amplitude)}V_{_short(frequency)}Hz")
     return replace(run, excitation=Excitation(kind, amplitude, frequency), x1=None, x2=None)
+
+
+def _short(value: float) -> str:
+    """Return a number for a file's name: with one decimal as on the rig, with more where two values would share a name."""
+    return f"{value:.1f}" if abs(value - round(value, 1)) < 1e-9 else f"{value:g}"
 
 
 def stability_experiments(drive: Drive) -> dict[str, Recording]:

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from baselines.commands._command import MOST_SEED, MOST_THREADS
 from baselines.commands._output import Json, Recordings, number, plain, print_faults, print_json, progress, say, table
 from baselines.commands._reading import Only, RigFile, Skip, Strict, read, skipped_json, skipped_lines
+from baselines.commands._results import Force, interrupted_says, result_folder
 
 if TYPE_CHECKING:
     from flexdrive_gym import Recording
@@ -19,6 +21,8 @@ if TYPE_CHECKING:
     from identification.mismatch.verdict import Diagnosis
 
 
+# nothing of a search is worth keeping before its validation
+_KEPT = "nothing of this diagnosis is kept, and {} is as it was. The same command begins again."
 _FEWEST_S, _ONE_IS_ENOUGH_S = 5.0, 10.0
 
 
@@ -27,8 +31,12 @@ def diagnose(
     output: Annotated[Path, typer.Option("--output", "-o", file_okay=False, help="Folder for the results.")] = Path(
         "diagnosis"
     ),
-    seed: Annotated[int, typer.Option(min=0, help="Of null draws and resampling; the same seed, the same answer.")] = 0,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Threads; the answer does not change.")] = None,
+    seed: Annotated[
+        int, typer.Option(min=0, max=MOST_SEED, help="Of null draws and resampling; the same seed, the same answer.")
+    ] = 0,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, max=MOST_THREADS, help="Threads; the answer does not change.")
+    ] = None,
     suggest: Annotated[
         bool,
         typer.Option("--suggest", help="Also write the experiments that would separate what cannot be told apart."),
@@ -37,10 +45,15 @@ def diagnose(
     strict: Strict = False,
     only: Only = None,
     skip: Skip = None,
+    force: Force = False,
     json: Json = False,
 ) -> None:
     """Locate, name, model and prove the physics that simulation and recordings disagree about."""
-    with progress() as bar:
+    with (
+        interrupted_says(lambda: _KEPT.format(output)),
+        result_folder(output, "diagnosis.json", force=force),
+        progress() as bar,
+    ):
         task = bar.add_task("reading recordings", total=None)
 
         def tell(step: str) -> None:

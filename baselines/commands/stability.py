@@ -22,7 +22,9 @@ def stability(
             help="Folder for stability.html and the recordings of 2.1-2.4, with and without friction.",
         ),
     ] = None,
-    gain: Annotated[float, typer.Option(min=0.0, help="Kp at which the phase margin is stated [V/mm].")] = 0.05,
+    gain: Annotated[
+        float, typer.Option(min=0.0, max=1000.0, help="Kp at which the phase margin is stated [V/mm].")
+    ] = 0.05,
     json: Json = False,
 ) -> None:
     """Print the critical gain of P-control, linear, simulated and as a student finds it, from x1 and from x2."""
@@ -61,14 +63,14 @@ def stability(
         })  # fmt: skip
         return
     table(
-        f"P-control of “{rig.name}”",
+        f"critical gain of P-control of “{rig.name}”",
         [
             "feedback",
-            "Routh [V/mm]",
-            "gain margin [V/mm]",
-            "simulated [V/mm]",
-            "vibration [rad/s]",
-            f"PM at {gain:g} V/mm [deg]",
+            "Routh, linear [V/mm]",
+            "gain margin, linear [V/mm]",
+            "simulated with friction [V/mm]",
+            "vibration, linear [rad/s]",
+            f"PM linear at {gain:g} V/mm [deg]",
         ],
         [
             [

@@ -19,6 +19,16 @@ from flexdrive_gym.units import LAB, Units
 
 SCHEMA = 1
 _UNITS = ("length", "command", "per_length", "per_command", "per_time")
+# from a rig's own units: Newton's law divided by the force, or on a turning rig the torque, that a volt gives
+_CONVERSIONS = {
+    "V s²/mm": "Convert: m [V s²/mm] = mass [kg] / (force per volt [N/V]) / 1000, or for an inertia "
+    "J [kg m²] / (torque per volt [N m/V] · radius [m]) / 1000.",
+    "V s/mm": "Convert: b [V s/mm] = damping [N s/m] / (force per volt [N/V]) / 1000, or for a turning one "
+    "damping [N m s/rad] / (torque per volt [N m/V] · radius [m]) / 1000.",
+    "V/mm": "Convert: k [V/mm] = stiffness [N/m] / (force per volt [N/V]) / 1000, or for a turning one "
+    "stiffness [N m/rad] / (torque per volt [N m/V] · radius [m]) / 1000.",
+    "V": "Convert: d [V] = force [N] / (force per volt [N/V]), or torque [N m] / (torque per volt [N m/V]).",
+}
 
 
 def _entry(drive: Drive, name: str) -> Any:
@@ -113,7 +123,9 @@ def _number(where: str, name: str, entry: Any, intervals: dict[str, tuple[float,
     spec = parameters.parameter(name).unit
     unit, one = units.name(spec), units.one(spec)
     if table.get("unit", unit) != unit:
-        raise ValueError(f"{where}: {name} must be given in {unit}; got {table['unit']!r}. Convert the value.")
+        raise ValueError(
+            f"{where}: {name} must be given in {unit}; got {table['unit']!r}. {_CONVERSIONS.get(unit, 'Convert the value.')}"
+        )
     value = table.get("value")
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise TypeError(f"{where}: {name} needs a number as value; got {value!r}.")

@@ -202,48 +202,55 @@ class _Diagnosing:
         fits += velocity_fits(before_values, after_values, split.prove, self.runs, self.pool, held_out=True)
         before, after = Drive(before_values, name="free fit"), Drive(after_values, name="diagnosed drive")
         fits += loop_fits(before, after, split.loops)
-        proof = total(fits, held_out=True) if split.prove else total(fits)
+        units = self.runs[0].units
+        speed = units.one("mm/s")
+        rms, rms_after, floor = total(fits, held_out=True) if split.prove else total(fits)
+        proof = (rms / speed, rms_after / speed, floor / speed)
         own = None
         if self.friction_spread and proofs:
             kept = split.prove or split.learn
-            own = own_rms(before_values, after_values, kept, self.pool, self.friction_spread)
+            both = own_rms(before_values, after_values, kept, self.pool, self.friction_spread)
+            own = (both[0] / speed, both[1] / speed)
         findings = self.findings(proofs, drive)
         if steps and not proofs:
             # what is left is then what there was before any name
             found = self.nothing_named(found)
             left, _ = left_unnamed(found)
         commands = [r.excitation.frequency for r in split.learn]
-        nameless = () if proofs else (proving.refused, proving.kept_away)
-        unnamed = describe(self.bench, found, left, commands, *nameless)
+        refused, kept_away = ((), None) if proofs else (proving.refused, proving.kept_away)
+        unnamed = describe(self.bench, found, left, commands, refused, kept_away, units)
+        left_out = draw_maps(self.forces(after_values, split.learn))
+        maps = [m.of_rig(units) for m in maps]
         return Diagnosis(
             verdict=_verdict(findings, unnamed, proof),
-            faults=tuple(f for r in self.runs for f in r.faults),
+            faults=tuple(f for r in self.runs for f in r.in_rig_units().faults),
             located=located(maps),
             findings=findings,
             unnamed=unnamed,
-            handout_tied_rms=self.tied.rms if self.tied else float("nan"),
-            free_rms=self.free.rms,
+            handout_tied_rms=self.tied.rms / speed if self.tied else float("nan"),
+            free_rms=self.free.rms / speed,
             ratios=self.free.ratios,
             before_rms=proof[0],
             after_rms=proof[1],
             floor_rms=proof[2],
-            per_recording=tuple(fits),
+            per_recording=tuple(f.of_rig(units) for f in fits),
             predictions=(),
-            drive=drive,
-            free=before,
+            drive=drive.replace(units=units),
+            free=before.replace(units=units),
+            unit=units.name("mm/s"),
             seconds=time.perf_counter() - begin,
             split=split,
             notes=self.notes(drive),
             maps=tuple(maps),
             harmonics=tuple(harmonics(forces, split.learn)),
-            forces=tuple(forces),
-            remaining=tuple(draw_maps(self.forces(after_values, split.learn))),
+            forces=tuple(f.of_rig(units) for f in forces),
+            remaining=tuple(m.of_rig(units) for m in left_out),
             friction_spread=self.friction_spread,
             extra={
                 "rivals": _rivals(findings, [p.step for p in proofs]),
                 "order": {"@".join(p.step.rival.name): (keys_of(p.step), held_of(p.step)) for p in proofs},
             },
-            learnt=after,
+            learnt=after.replace(units=units),
             tied=self.tied.drive if self.tied else None,
             own_rms=own,
         )
@@ -256,6 +263,8 @@ class _Diagnosing:
 
     def findings(self, proofs: Sequence[Proof], drive: Drive) -> tuple[Finding, ...]:
         result = []
+        units = self.runs[0].units
+        speed = units.one("mm/s")
         for proof in proofs:
             step = proof.step
             parameters = {
@@ -263,6 +272,7 @@ class _Diagnosing:
                 for k in keys_of(step)
             }
             parameters |= {short(k): Estimate(v, (v, v), unit_of(k)) for k, v in held_of(step).items()}
+            parameters = {name: estimate.of_rig(units) for name, estimate in parameters.items()}
             # what is itself a finding is no other explanation
             ties = tuple(Named(*t.name) for t in step.ties if t.name not in {p.step.rival.name for p in proofs})
             id_, where = step.rival.name
@@ -275,9 +285,9 @@ class _Diagnosing:
                     experiment_for(id_) or None if ties else None,
                     proof.share,
                     proof.probability,
-                    proof.before,
-                    proof.after,
-                    "mm/s",
+                    proof.before / speed,
+                    proof.after / speed,
+                    units.name("mm/s"),
                     statement(id_, where, parameters, proof.share, proof.probability, ties),
                 )
             )
@@ -287,7 +297,7 @@ class _Diagnosing:
         notes = list(self.free.notes)
         if self.friction_spread:
             notes.append(f"friction differs from run to run by about {self.friction_spread:.0%}")
-        return (*notes, *spring_notes(drive, self.bench.runs))
+        return (*notes, *spring_notes(drive.replace(units=self.runs[0].units), self.bench.runs))
 
 
 def spring_notes(drive: Drive, runs: Sequence[Run]) -> tuple[str, ...]:
@@ -303,9 +313,10 @@ def spring_notes(drive: Drive, runs: Sequence[Run]) -> tuple[str, ...]:
     turns = [float(tried[np.argmax(side)]) for side in falls if side.any()]
     if not turns:
         return ()
+    turn, far = (drive.units.text(x, "mm", 2) for x in (min(turns), reached))
     note = (
-        f"the spring's force as it was fitted falls again beyond {min(turns):.2g} mm of deflection, and runs go to {reached:.2g} "
-        "mm: trust no simulation that goes much farther than they do"
+        f"the spring's force as it was fitted falls again beyond {turn} of deflection, and runs go to {far}: trust no "
+        "simulation that goes much farther than they do"
     )
     return (note,)
 

@@ -188,7 +188,7 @@ def test_sentences_and_pages_say_where_learning_loses(with_agents):
     why = " ".join(where_it_loses(with_agents, summaries, found))
     assert re.search(r"rl_x2 loses against lab4.*handout \(", why)
     assert "such an error is left where the carts stand" in why
-    assert re.search(r"Beside lab4, rl_x2 is worse in .*gain margin on the rig", why)
+    assert re.search(r"Beside lab4, rl_x2 is worse in .*gain margin with friction", why)
     assert "Its seeds differ on the identified drive" in why
     page = build_compare_page(with_agents)
     assert "Probability that rl_x2 is better" in page
