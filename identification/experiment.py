@@ -24,9 +24,8 @@ from flexdrive_gym.recording import FloatArray, Recording
 Experiment = Literal["square", "sine", "step", "ramp", "p_control", "closed_loop", "free_decay", "other"]
 
 WORDS: Mapping[Experiment, str] = {
-    "square": "square wave", "sine": "sine", "step": "steps", "ramp": "ramp", "p_control": "P-control", "
-    ""closed_loop": "closed loop",
-    "free_decay": "free decay", "other": "other excitation",
+    "square": "square wave", "sine": "sine", "step": "steps", "ramp": "ramp", "p_control": "P-control",
+    "closed_loop": "closed loop", "free_decay": "free decay", "other": "other excitation",
 }  # fmt: skip
 
 # travel that a held cart may have, of the other one's: mounts give way

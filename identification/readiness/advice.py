@@ -10,10 +10,11 @@ import numpy as np
 from flexdrive_gym.recording import Recording
 from flexdrive_gym.units import Units
 from identification.experiment import experiment_of, position
-from identification.readiness.identifiability import Identifiability, short
+from identification.readiness.identifiability import Identifiability
 
 # sines count as around the resonance between half and twice of it
 _AROUND = 2.0
+_FROM_SCRATCH = "Record the drive with both carts free: square waves at two amplitudes (handout 2.5) and sines around its resonance (2.6)."
 _FEWEST_SINES, _FEWEST_AMPLITUDES, _FEWEST_REPLICATES = 3, 2, 2
 
 
@@ -30,10 +31,7 @@ def advice(usable: Sequence[Recording], found: Identifiability | None, units: Un
         The rig's.
     """
     if not usable:
-        return (
-            "Record the drive with both carts free: square waves at two amplitudes (handout 2.5) and sines "
-            "around its resonance (2.6).",
-        )
+        return (_FROM_SCRATCH,)
     lines = [
         _reversals(usable),
         _amplitudes(usable, units),
@@ -80,16 +78,15 @@ def _amplitudes(usable: Sequence[Recording], units: Units) -> str:
     if any(r.closed_loop for r in usable) and len(squares) == 0:
         return ""
     top = max(levels) if levels else _level(usable)
+    less, much = _volts(0.75 * top, units), _volts(top, units)
     if levels:
         return (
-            f"Square waves at one amplitude only, {_volts(top, units)}: a second one, such as {_volts(0.75 * "
-            f"top, units)}, tells viscous "
-            "friction from dry friction (handout 2.5)."
+            f"Square waves at one amplitude only, {much}: a second one, such as {less}, tells viscous friction from dry friction "
+            "(handout 2.5)."
         )
     return (
-        f"No square waves: record them at two amplitudes, such as {_volts(0.75 * top, units)} and {_volts(top, "
-        f"units)} at 0.5 Hz, to tell "
-        "viscous friction from dry friction (handout 2.5)."
+        f"No square waves: record them at two amplitudes, such as {less} and {much} at 0.5 Hz, to tell viscous friction from dry "
+        "friction (handout 2.5)."
     )
 
 
@@ -108,10 +105,10 @@ def _frequencies(usable: Sequence[Recording], found: Identifiability | None, uni
     had = f"{len(near)} sine{'' if len(near) == 1 else 's'}" if near else "No sine"
     wanted = [units.of_rig(f * resonance, "Hz")[0] for f in (0.6, 0.8, 1.0, 1.25, 1.6)]
     listed = ", ".join(f"{f:.2g}" for f in wanted)
+    size = _volts(_level(usable), units)
     return (
-        f"{had} around the resonance at {units.text(resonance, 'Hz', 2)}: sines of {_volts(_level(usable), "
-        f"units)} at {listed} Hz tell the "
-        "masses and the spring apart (handout 2.6)."
+        f"{had} around the resonance at {units.text(resonance, 'Hz', 2)}: sines of {size} at {listed} Hz tell the masses and the "
+        "spring apart (handout 2.6)."
     )
 
 
@@ -140,12 +137,6 @@ def _loops(usable: Sequence[Recording]) -> str:
         return (
             "Closed-loop runs only: their command is replayed, which drifts with friction. Open the loop for "
             "square waves and sines "
-            "(handout 2.5, 2.6), or move both ways at several speeds."
+            "(handout 2.5, 2.6); where it cannot be opened, move both ways at several speeds."
         )
     return ""
-
-
-def lacking(found: Identifiability) -> str:
-    """Say which parameters are not determined."""
-    names = [short(n) for n, ok in found.determined.items() if not ok]
-    return ", ".join(names)
