@@ -14,7 +14,10 @@ from identification.readiness.identifiability import Identifiability
 
 # sines count as around the resonance between half and twice of it
 _AROUND = 2.0
-_FROM_SCRATCH = "Record the drive with both carts free: square waves at two amplitudes (handout 2.5) and sines around its resonance (2.6)."
+_FROM_SCRATCH = (
+    "Record the drive with both carts free: square waves at two amplitudes (handout 2.5) and sines around its "
+    "resonance (2.6)."
+)
 _FEWEST_SINES, _FEWEST_AMPLITUDES, _FEWEST_REPLICATES = 3, 2, 2
 
 
