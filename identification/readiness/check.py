@@ -11,12 +11,13 @@ from threadpoolctl import threadpool_limits
 
 from flexdrive_gym.recording import Recording
 from identification.experiment import experiment_of
+from identification.likelihood import MaximumLikelihood
 from identification.readiness.advice import advice
 from identification.readiness.identifiability import Identifiability, identifiability
 from identification.readiness.plausible import implausible
 from identification.readiness.report import Check, Understood
 from identification.readiness.sessions import Comparison, compare_sessions, given_folders, reduced, sessions_of
-from identification.recordings import Rig
+from identification.recordings import RecordingSet, Rig
 from identification.recordings.given import Source, given
 from identification.selection import Selection, select
 
@@ -26,6 +27,7 @@ def check(
     *,
     rig: Rig | str | Path | None = None,
     folders: Sequence[str | Path] = (),
+    fit: MaximumLikelihood | None = None,
     threads: int | None = None,
 ) -> Check:
     """Say what recordings are and what they can identify.
@@ -38,6 +40,8 @@ def check(
         Rig description, or its file, to read recordings with; those already read bring theirs.
     folders
         Folders that recordings already read came from, where several were given.
+    fit
+        The base model's fit to these recordings, where there is one already.
     threads
         Of the simulations; default: the processors this process may use. The answer does not depend on it.
 
@@ -58,7 +62,7 @@ def check(
     selection = select(read)
     names = dict(zip((r.name for r in read), sessions, strict=True))
     warnings = tuple(w.sentence for w in implausible(read))
-    found, comparison = _fitted(selection, names, threads)
+    found, comparison = _fitted(selection, names, fit, threads)
     return Check(
         tuple(
             Understood(r, "closed_loop" if r.name in selection.references else experiment_of(r), session,
@@ -82,7 +86,7 @@ def _paths(source: Source) -> Sequence[str | Path]:
 
 
 def _fitted(
-    selection: Selection, names: dict[str, str], threads: int | None
+    selection: Selection, names: dict[str, str], fit: MaximumLikelihood | None, threads: int | None
 ) -> tuple[Identifiability | None, Comparison | None]:
     """Return what the usable recordings can identify, and how their sessions compare."""
     usable = selection.usable
@@ -90,10 +94,16 @@ def _fitted(
         return None, None
     with threadpool_limits(1, user_api="blas"):
         open_loop = [r for r in usable if not r.closed_loop] or list(usable)
-        some, own = reduced(type(usable)(open_loop, rig=usable.rig), [names[r.name] for r in open_loop])
+        every = RecordingSet(open_loop, rig=usable.rig)
+        own = tuple(names[r.name] for r in open_loop)
+        if fit is None or len(set(own)) > 1:
+            some, own = reduced(every, own)
+            fit = None
+        else:
+            some = every
         count = threads or len(os.sched_getaffinity(0))
         try:
-            found = identifiability(some, usable, usable.units, count)
+            found = identifiability(some, usable, usable.units, fit=fit, threads=count)
         except ValueError:
             # a fit that cannot start says nothing of the recordings that a reader could use
             return None, None

@@ -85,7 +85,12 @@ class Identifiability:
 
 
 def identifiability(
-    some: RecordingSet, everything: Sequence[Recording], units: Units, threads: int | None = None
+    some: RecordingSet,
+    everything: Sequence[Recording],
+    units: Units,
+    *,
+    fit: MaximumLikelihood | None = None,
+    threads: int | None = None,
 ) -> Identifiability:
     """Fit the base model to some recordings and take the information of all.
 
@@ -97,6 +102,8 @@ def identifiability(
         Recordings that a fit could use.
     units
         The rig's, for sentences.
+    fit
+        To those recordings, where there is one already.
     threads
         Of the simulations.
 
@@ -106,7 +113,7 @@ def identifiability(
         If no recording can be fitted.
     """
     topology = topology_of(some)
-    fit = identify_by_likelihood(some, threads=threads, topology=topology)
+    fit = fit or identify_by_likelihood(some, threads=threads, topology=topology)
     chosen, _ = usable(everything)
     counted = _within(chosen, _BUDGET_S)
     names, covariance = relative_covariance(fit, counted, topology, threads)
@@ -115,7 +122,7 @@ def identifiability(
     return Identifiability(
         fit,
         half,
-        _trade_offs(names, sizes, covariance, units),
+        trade_offs(names, sizes, covariance, units),
         _sums(names, sizes, covariance),
         len(some),
         len(counted),
@@ -177,7 +184,20 @@ def _sums(names: Sequence[str], sizes: FloatArray, covariance: FloatArray) -> di
     return found
 
 
-def _trade_offs(names: Sequence[str], sizes: FloatArray, covariance: FloatArray, units: Units) -> tuple[str, ...]:
+def trade_offs(names: Sequence[str], sizes: FloatArray, covariance: FloatArray, units: Units) -> tuple[str, ...]:
+    """Return a sentence for each combination of parameters that is not determined, the widest first.
+
+    Parameters
+    ----------
+    names
+        Of the parameters.
+    sizes
+        What their changes are relative to, ndarray, shape (p,).
+    covariance
+        Of relative changes, ndarray, shape (p, p).
+    units
+        The rig's.
+    """
     variances, directions = np.linalg.eigh(covariance)
     open_ = list(half_widths(names, covariance).values())
     found = []
@@ -185,7 +205,8 @@ def _trade_offs(names: Sequence[str], sizes: FloatArray, covariance: FloatArray,
         half = _NORMAL_95 * float(np.sqrt(max(variance, 0.0)))
         if half < DETERMINED:
             break
-        parts = [i for i in np.argsort(-np.abs(w)) if abs(w[i]) > _TAKES_PART]
+        parts = [int(i) for i in np.argsort(-np.abs(w)) if abs(w[i]) > _TAKES_PART]
+        parts = sorted(parts) if len(parts) == 2 else parts
         if all(open_[i] < DETERMINED for i in parts):
             continue
         found.append(_sentence([names[i] for i in parts], w[parts], sizes[parts], half, units))
@@ -224,4 +245,5 @@ __all__ = [
     "relative_covariance",
     "short",
     "size_of",
+    "trade_offs",
 ]

@@ -172,7 +172,7 @@ class Check:
 
     def remarks(self) -> list[str]:
         """Return what identification and diagnosis should say before they go on."""
-        merged = [] if self.comparison is None else [self.comparison.sentence()]
+        merged = [] if self.comparison is None else [self.comparison.sentence().rstrip(".")]
         return [self.line(), *self.warnings, *merged]
 
     def as_json(self) -> dict[str, Any]:
