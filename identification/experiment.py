@@ -1,17 +1,20 @@
 """What experiment a recording is, from its data alone: what drove it, which carts were held, whether its command is one.
 
 A cart is *held* where it stays behind while the spring pulls at it as much as in runs in which it moves. Two carts that move
-freely never do that: slowly driven they move alike, and a fast sine that cart 2 hardly answers deflects the spring hardly at all.
+freely never do that: slowly driven they move alike, and a fast sine that cart 2 hardly answers deflects the spring
+hardly at all.
 
-A column that is called command may be a *reference*: the target of a controller whose command was not recorded. Position comes to
-rest where such a column says, in the column's own numbers, or follows it with unit gain and less than an eighth of a period late;
-a force on free carts does neither, because velocity answers it and position is a quarter of a period and more behind.
+A column that is called command may be a *reference*: the target of a controller whose command was not recorded. Position
+comes to rest where such a column says, in the column's own numbers, or follows it with unit gain and less than an eighth
+of a period late; a force on free carts does neither, because velocity answers it and position is a quarter of a period
+and more behind.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -21,13 +24,14 @@ from flexdrive_gym.recording import FloatArray, Recording
 Experiment = Literal["square", "sine", "step", "ramp", "p_control", "closed_loop", "free_decay", "other"]
 
 WORDS: Mapping[Experiment, str] = {
-    "square": "square wave", "sine": "sine", "step": "steps", "ramp": "ramp", "p_control": "P-control", "closed_loop": "closed loop",
-    "free_decay": "free decay", "other": "other excitation",
+    "square": "square wave", "sine": "sine", "step": "steps", "ramp": "ramp", "p_control": "P-control",
+    "closed_loop": "closed loop", "free_decay": "free decay", "other": "other excitation",
 }  # fmt: skip
 
 # travel that a held cart may have, of the other one's: mounts give way
 _STAYS = 0.1
-# deflection of the spring at which a free cart would have moved, of the median of runs with both carts moving: friction holds a cart
+# deflection of the spring at which a free cart would have moved, of the median of runs with both carts moving: friction
+# holds a cart
 # against less, for a whole run if need be
 _PULLED = 0.9
 _MOVES = 0.3
@@ -163,7 +167,7 @@ def _travel(recording: Recording) -> _Travel | None:
     return _Travel(
         (float(np.ptp(first)), float(np.ptp(second))),
         float(np.max(np.abs(first - second))),
-        _COUNTS * max(max(recording.quantum), 1e-3),
+        _COUNTS * max(*recording.quantum, 1e-3),
     )
 
 
@@ -189,7 +193,8 @@ def as_reference(recording: Recording, factors: Mapping[str, float] | None = Non
         return None
     factors = factors or {}
     rig = recording.units.one("V") / recording.units.one("mm")
-    for channel in ("x1", "x2"):
+    channels: tuple[Literal["x1", "x2"], ...] = ("x1", "x2")
+    for channel in channels:
         x = getattr(recording, channel)
         slope = None if x is None else _followed(recording.u, x, recording.sample_time)
         if slope is None:
@@ -199,14 +204,14 @@ def as_reference(recording: Recording, factors: Mapping[str, float] | None = Non
         raw = own * factors.get("u", 1.0) / factors.get(channel, 1.0)
         gain = min((own, raw), key=lambda g: abs(g - 1.0))
         if abs(gain - 1.0) < _UNIT_GAIN:
-            return Reference(channel, gain)  # type: ignore[arg-type]
+            return Reference(channel, gain)
     return None
 
 
 def _followed(u: FloatArray, x: FloatArray, Ts: float) -> float | None:
     """Return the slope of a position over the command that it follows, ``None`` where it does not follow."""
     edges = np.r_[0, np.flatnonzero(np.diff(u)) + 1, u.size]
-    long = [(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True) if (b - a) * Ts >= _PLATEAU_S]
+    long = [(a, b) for a, b in pairwise(edges) if (b - a) * Ts >= _PLATEAU_S]
     travel = float(np.ptp(x))
     if travel == 0.0:
         return None

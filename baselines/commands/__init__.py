@@ -11,6 +11,7 @@ import typer
 from baselines.commands import (
     benchmark,
     blind,
+    check,
     compare,
     demo,
     design,
@@ -37,7 +38,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for _module in (
-    demo, identify, validate, stability, experiment, diagnose, design, train, compare, report, blind, benchmark
+    demo, check, identify, validate, stability, experiment, diagnose, design, train, compare, report, blind, benchmark
 ):  # fmt: skip
     app.command(cls=Command)(getattr(_module, _module.__name__.rsplit(".", 1)[-1]))
 

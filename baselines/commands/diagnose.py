@@ -49,6 +49,8 @@ def diagnose(
     json: Json = False,
 ) -> None:
     """Locate, name, model and prove the physics that simulation and recordings disagree about."""
+    from identification import check  # noqa: PLC0415
+
     with (
         interrupted_says(lambda: _KEPT.format(output)),
         result_folder(output, "diagnosis.json", force=force),
@@ -60,9 +62,13 @@ def diagnose(
             bar.update(task, advance=1, description=step)
 
         runs = read(recordings, rig, strict, only, skip)
+        require_enough(runs)
+        tell("checking")
+        checked = check(runs, folders=recordings, threads=jobs)
         found, suggestions = write_diagnosis(
             runs,
             output,
+            remarks=checked.remarks(),
             seed=seed,
             jobs=jobs,
             suggest=suggest,
@@ -87,9 +93,13 @@ def write_diagnosis(
     jobs: int | None = None,
     suggest: bool = False,
     title: str = "Diagnosis of a flexible drive",
+    remarks: Sequence[str] = (),
     tell: Callable[[str], None] = lambda _: None,
 ) -> tuple[Diagnosis, tuple[Suggestion, ...]]:
-    """Diagnose, and write diagnosis.json, drive.toml and report.html, all or none; return what was found."""
+    """Diagnose, and write diagnosis.json, drive.toml and report.html, all or none; return what was found.
+
+    ``remarks`` on the recordings come before the notes of the diagnosis.
+    """
     from baselines.predictions import predictions  # noqa: PLC0415
     from baselines.report.diagnosis import build_diagnosis  # noqa: PLC0415
     from flexdrive_gym import save_drive  # noqa: PLC0415
@@ -100,7 +110,7 @@ def write_diagnosis(
     require_enough(runs)
     found = run(runs, seed=seed, jobs=jobs, say=tell)
     tell("predicting")
-    found = replace(found, predictions=predictions(found))
+    found = replace(found, predictions=predictions(found), notes=(*remarks, *found.notes))
     suggestions: tuple[Suggestion, ...] = ()
     if suggest:
         tell("looking for experiments")

@@ -52,6 +52,7 @@ def identify(
 ) -> None:
     """Identify the drive; print the quantities of handout 3.5 and write drive.toml."""
     from flexdrive_gym import save_drive  # noqa: PLC0415
+    from identification import MaximumLikelihood, check  # noqa: PLC0415
     from identification import identify as run  # noqa: PLC0415
     from identification.likelihood import identify_by_likelihood  # noqa: PLC0415
     from identification.quantities import HANDOUT_RATIOS  # noqa: PLC0415
@@ -61,7 +62,7 @@ def identify(
     result_file(output)
     ties = {n: v for n, v in (("alpha", alpha), ("beta", beta), ("gamma", gamma)) if v is not None}
     with progress() as bar:
-        task = bar.add_task("reading recordings", total=3)
+        task = bar.add_task("reading recordings", total=4)
         runs = read(recordings, rig, strict, only, skip)
         bar.update(task, advance=1, description="identifying")
         found = run(runs, method.value, ties=ties or None, p=p, damping=damping, threads=threads)
@@ -69,6 +70,9 @@ def identify(
         tied = None
         if method is Method.ml and compare_tied and not ties and found.drive.carts == 2:
             tied = identify_by_likelihood(select(runs).usable, ties=HANDOUT_RATIOS, threads=threads)
+        bar.update(task, advance=1, description="checking")
+        own = found.result if isinstance(found.result, MaximumLikelihood) and not ties and not damping else None
+        checked = check(runs, folders=recordings, fit=own, threads=threads)
         bar.update(task, advance=1)
     save_drive(found.drive, output)
     remarks = [f"{r.name}: {note}" for r in runs for note in r.notes]
@@ -78,10 +82,13 @@ def identify(
         for f in gathered(r.faults)
     ]
     if json:
-        print_json(_as_json(found, tied, output) | {"recording_notes": remarks, "skipped": skipped_json(runs)})
+        result = _as_json(found, tied, output) | {"recording_notes": remarks, "skipped": skipped_json(runs)}
+        print_json(result | {"ready": checked.ready, "check": checked.remarks()})
         return
-    for line in skipped_lines(runs):
+    for line in [*skipped_lines(runs), *checked.remarks()]:
         say(line)
+    for title, columns, rows in checked.tables()[2:]:
+        table(title, columns, rows)
     _print(found, tied, output, remarks)
 
 
