@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +12,7 @@ import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
 from flexdrive_gym.drive import parameters
-from flexdrive_gym.drive.drive import Covariance, Drive, Provenance
+from flexdrive_gym.drive.drive import Covariance, Drive, Provenance, Recorded
 from flexdrive_gym.drive.effects import LAYOUT
 from flexdrive_gym.files import write_atomically
 
@@ -62,14 +64,35 @@ def dumps(drive: Drive) -> str:
     if len(effects):
         document["effects"] = effects
     if drive.covariance is not None:
-        table = tomlkit.table()
-        table["names"] = list(drive.covariance.names)
-        rows = tomlkit.array().multiline(multiline=True)
-        for row in drive.covariance.matrix:
-            rows.append([float(x) for x in row])
-        table["matrix"] = rows
-        document["covariance"] = table
+        document["covariance"] = _covariance(drive.covariance)
+    if drive.run_to_run is not None:
+        document["run_to_run"] = _covariance(drive.run_to_run)
+        document["run_to_run"].comment("of the logarithms: what differs between runs of the same rig")
+    if drive.recorded is not None:
+        reached = tomlkit.table().comment("how far the recordings reach: V, mm/s, mm, Hz")
+        for name, value in asdict(drive.recorded).items():
+            reached[name] = float(value)
+        document["recorded"] = reached
     return tomlkit.dumps(document)
+
+
+def _covariance(covariance: Covariance) -> Any:
+    table = tomlkit.table()
+    table["names"] = list(covariance.names)
+    if isfinite(covariance.degrees):
+        table["degrees"] = float(covariance.degrees)
+    rows = tomlkit.array().multiline(multiline=True)
+    for row in covariance.matrix:
+        rows.append([float(x) for x in row])
+    table["matrix"] = rows
+    return table
+
+
+def _read_covariance(table: dict[str, Any] | None) -> Covariance | None:
+    if not table:
+        return None
+    matrix = np.array(table["matrix"], dtype=np.float64)
+    return Covariance(tuple(table["names"]), matrix, float(table.get("degrees", inf)))
 
 
 def save_drive(drive: Drive, path: str | Path) -> Path:
@@ -115,14 +138,12 @@ def loads(text: str, where: str = "drive.toml") -> Drive:
     except KeyError as error:
         raise ValueError(f"{where}: {error.args[0]}") from error
     source = document.get("provenance", {})
-    covariance = document.get("covariance")
+    recorded = document.get("recorded")
     try:
         return Drive(
             values,
             intervals,
-            Covariance(tuple(covariance["names"]), np.array(covariance["matrix"], dtype=np.float64))
-            if covariance
-            else None,
+            _read_covariance(document.get("covariance")),
             Provenance(
                 source.get("method", "values"),
                 tuple(source.get("recordings", ())),
@@ -130,8 +151,10 @@ def loads(text: str, where: str = "drive.toml") -> Drive:
                 source.get("note", ""),
             ),
             document.get("name", "drive"),
+            _read_covariance(document.get("run_to_run")),
+            Recorded(**{k: float(v) for k, v in recorded.items()}) if recorded else None,
         )
-    except ValueError as error:
+    except (TypeError, ValueError) as error:
         raise ValueError(f"{where}: {error}") from error
 
 
