@@ -86,8 +86,8 @@ def _summary(found: Findings) -> list[str]:
     if found.tied is not None:
         ratios = ", ".join(f"{n} = {fit.ratios[n].value:.2f} (handout {HANDOUT_RATIOS[n]:g})" for n in HANDOUT_RATIOS)
         lines.append(
-            f"With the handout's ratios held, the error is {found.tied.rms:.1f} mm/s; estimating them reduces the squared error by "
-            f"{improvement(found.tied, fit):.0%}: {ratios}."
+            f"With the handout's ratios held, the error is {found.tied.rms:.1f} mm/s; estimating them reduces the squared error "
+            f"by {improvement(found.tied, fit):.0%}: {ratios}."
         )
     if "x2" in found.limits:
         lines.append(explain(drive, found.limits["x2"]) + parts.measured_limit(found.observed))

@@ -22,38 +22,95 @@ class Term:
 
 
 TERMS = (
-    Term("describing function", r"describing functions?|harmonic balance", "The gain and phase of a nonlinear element for a sine of one "
-         "amplitude, taken from the fundamental of its output. Harmonic balance predicts a steady vibration where this gain and phase "
-         "close the loop exactly. Dry friction d at a velocity of amplitude V acts as a viscous damper 4d/(πV): the larger the "
-         "vibration, the weaker the damping."),
-    Term("disk margin", r"[Dd]isk margins?|disk", "How much the gain and the phase of a loop may change at the same time and at any "
-         "frequency before it becomes unstable: 0 is at the limit, 2 is the largest there is. With α the disk margin, the gain alone may "
-         "change by the factor (2 + α)/(2 − α), the phase alone by 2·arctan(α/2)."),
-    Term("delay margin", r"delay margins?", "The additional dead time at which a loop becomes unstable."),
-    Term("dwell", r"[Dd]wells?", "A stretch of a trajectory during which the reference rests, between two moves. There the steady-state "
-         "error and the remaining vibration are read."),
-    Term("effective samples", r"effective samples|independent ones", "Residuals of successive samples resemble one another, so n of them "
-         "tell as much as a smaller number of independent ones. The intervals are computed with that."),
-    Term("false-alarm probability", r"[Ff]alse[- ]alarms?(?: probability)?", "The probability that the best candidate of the whole "
-         "catalogue scores as high on a rig that has none of these effects, only friction that differs between runs, an uneven track and "
-         "noise. It is found by repeating the search on such simulated rigs."),
-    Term("floor", r"[Ff]loor", "The rms of what differs between repetitions: between periods of one run and between runs of the same "
-         "experiment. A model gives the same answer to the same command, so no model can leave less."),
-    Term("held out", r"[Hh]eld[ -]out", "Not used for the fit. The error on held-out recordings says whether the model describes the rig, "
-         "or merely the recordings that it was fitted to (the estimation set)."),
-    Term("interquartile mean", r"[Ii]nterquartile means?", "The mean of the middle half of all values. A few failed runs do not spoil "
-         "it, as they do a mean, and it uses more of the values than a median."),
-    Term("NRMSE fit", r"NRMSE fit", "100 % · (1 − ‖y − ŷ‖ / ‖y − mean(y)‖): 100 % if the simulation ŷ is the measurement y, "
-         "0 % if it is no better than the mean of y, negative if it is worse."),
-    Term("presliding", r"[Pp]resliding", "What dry friction does before a cart slides: the contact yields elastically by micrometres to "
-         "millimetres, like a stiff spring, until it breaks away at the Coulomb level. Ideal Coulomb friction has none."),
-    Term("restart", r"starting points?", "The likelihood has several minima. The fit is therefore begun from several points, and the "
-         "best end is kept; another start that ended in a poorer minimum says nothing against it."),
-    Term("Routh", r"Routh", "Routh's criterion: the gain at which the characteristic polynomial of the linear closed loop has its first "
-         "roots on the imaginary axis."),
-    Term("VAF", r"VAF", "Variance accounted for, 1 − var(y − ŷ)/var(y): 100 % if the simulation ŷ differs from the measurement y by a "
-         "constant at most."),
-)  # fmt: skip
+    Term(
+        "describing function",
+        r"describing functions?|harmonic balance",
+        "The gain and phase of a nonlinear element for a sine of one amplitude, taken from the fundamental of"
+        " its output. Harmonic balance predicts a steady vibration where this gain and phase close the loop "
+        "exactly. Dry friction d at a velocity of amplitude V acts as a viscous damper 4d/(πV): the larger "
+        "the vibration, the weaker the damping.",
+    ),
+    Term(
+        "disk margin",
+        r"[Dd]isk margins?|disk",
+        "How much the gain and the phase of a loop may change at the same time and at any frequency before it"
+        " becomes unstable: 0 is at the limit, 2 is the largest there is. With α the disk margin, the gain "
+        "alone may change by the factor (2 + α)/(2 − α), the phase alone by 2·arctan(α/2).",
+    ),
+    Term(
+        "delay margin",
+        r"delay margins?",
+        "The additional dead time at which a loop becomes unstable.",
+    ),
+    Term(
+        "dwell",
+        r"[Dd]wells?",
+        "A stretch of a trajectory during which the reference rests, between two moves. There the "
+        "steady-state error and the remaining vibration are read.",
+    ),
+    Term(
+        "effective samples",
+        r"effective samples|independent ones",
+        "Residuals of successive samples resemble one another, so n of them tell as much as a smaller number "
+        "of independent ones. The intervals are computed with that.",
+    ),
+    Term(
+        "false-alarm probability",
+        r"[Ff]alse[- ]alarms?(?: probability)?",
+        "The probability that the best candidate of the whole catalogue scores as high on a rig that has none"
+        " of these effects, only friction that differs between runs, an uneven track and noise. It is found "
+        "by repeating the search on such simulated rigs.",
+    ),
+    Term(
+        "floor",
+        r"[Ff]loor",
+        "The rms of what differs between repetitions: between periods of one run and between runs of the same"
+        " experiment. A model gives the same answer to the same command, so no model can leave less.",
+    ),
+    Term(
+        "held out",
+        r"[Hh]eld[ -]out",
+        "Not used for the fit. The error on held-out recordings says whether the model describes the rig, or "
+        "merely the recordings that it was fitted to (the estimation set).",
+    ),
+    Term(
+        "interquartile mean",
+        r"[Ii]nterquartile means?",
+        "The mean of the middle half of all values. A few failed runs do not spoil it, as they do a mean, and"
+        " it uses more of the values than a median.",
+    ),
+    Term(
+        "NRMSE fit",
+        r"NRMSE fit",
+        "100 % · (1 − ‖y − ŷ‖ / ‖y − mean(y)‖): 100 % if the simulation ŷ is the measurement y, 0 % if it is "
+        "no better than the mean of y, negative if it is worse.",
+    ),
+    Term(
+        "presliding",
+        r"[Pp]resliding",
+        "What dry friction does before a cart slides: the contact yields elastically by micrometres to "
+        "millimetres, like a stiff spring, until it breaks away at the Coulomb level. Ideal Coulomb friction "
+        "has none.",
+    ),
+    Term(
+        "restart",
+        r"starting points?",
+        "The likelihood has several minima. The fit is therefore begun from several points, and the best end "
+        "is kept; another start that ended in a poorer minimum says nothing against it.",
+    ),
+    Term(
+        "Routh",
+        r"Routh",
+        "Routh's criterion: the gain at which the characteristic polynomial of the linear closed loop has its"
+        " first roots on the imaginary axis.",
+    ),
+    Term(
+        "VAF",
+        r"VAF",
+        "Variance accounted for, 1 − var(y − ŷ)/var(y): 100 % if the simulation ŷ differs from the "
+        "measurement y by a constant at most.",
+    ),
+)
 _WORD = r"(?<![\w-])(?:{})(?![\w-])"
 # what is not prose, or has a link already
 _CLOSED = ("style", "script", "title", "h1", "h2", "h3", "summary", "a", "nav", "button")

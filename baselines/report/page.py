@@ -97,12 +97,10 @@ def gif_frames(data: bytes) -> tuple[str, ...]:
 
     frames = []
     with Image.open(io.BytesIO(data)) as gif:
-        palette = None
         for frame in ImageSequence.Iterator(gif):
-            whole = frame.convert("RGB")
-            palette = palette or whole.quantize(32, dither=Image.Dither.NONE)
             stream = io.BytesIO()
-            whole.quantize(palette=palette, dither=Image.Dither.NONE).save(stream, "PNG", optimize=True)
+            # a GIF has few colours, so this loses none
+            frame.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(stream, "PNG", optimize=True)
             frames.append(base64.b64encode(stream.getvalue()).decode())
     return tuple(frames)
 

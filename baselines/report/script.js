@@ -17,7 +17,7 @@ document.querySelectorAll("figure").forEach((figure, number) => {
     }));
   }
   if (player) {
-    const frames = JSON.parse(figure.querySelector("script").textContent);
+    const frames = figure.querySelector("script").textContent.split(" ");
     const button = player.querySelector("button"), slider = player.querySelector("input");
     let at = 0, timer = null;
     const show = (i) => { at = i % frames.length; slider.value = at; image.src = "data:image/png;base64," + frames[at]; };

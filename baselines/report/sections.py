@@ -212,8 +212,8 @@ def identification(found: Findings) -> Section:
     begun = {name: cost for name, cost in fit.starts.items() if not name.endswith(", refined")}
     best = min(begun, key=lambda name: begun[name])
     section.text(
-        f"The likelihood may have several minima. {len(begun)} searches therefore began from as many starting points, on a part of "
-        f"the recordings; the best of them, from “{best}”, was continued on all recordings and gives the values above."
+        f"The likelihood may have several minima. {len(begun)} searches therefore began from as many starting points, on a part "
+        f"of the recordings; the best of them, from “{best}”, was continued on all recordings and gives the values above."
     )
     section.items(list(fit.notes))
     return section

@@ -105,12 +105,13 @@ def verdict_sentences(d: Diagnosis) -> list[str]:
 
 
 def worsened(d: Diagnosis) -> list[RecordingFit]:
-    """Return the recordings whose error rose by more than 5 % with the named physics, worst first; held-out ones where there are."""
+    """Return the recordings, held-out ones where there are, whose error rose by more than 5 % with the named physics."""
     fits = [f for f in d.per_recording if math.isfinite(f.before_rms + f.after_rms) and f.before_rms > 0.0]
     asked = [f for f in fits if f.held_out] or fits
-    return sorted(
-        (f for f in asked if f.after_rms > _WORSE * f.before_rms), key=lambda f: f.before_rms / f.after_rms
-    ) if d.findings else []  # fmt: skip
+    if not d.findings:
+        return []
+    worse = [f for f in asked if f.after_rms > _WORSE * f.before_rms]
+    return sorted(worse, key=lambda f: f.before_rms / f.after_rms)
 
 
 def worse_sentences(d: Diagnosis) -> list[str]:
