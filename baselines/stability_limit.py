@@ -215,9 +215,10 @@ def explain(drive: Drive, x2: StabilityLimit) -> str:
         return f"Simulated and linear limit agree to {abs(change):.1f} %: friction hardly matters on this drive."
     if change > 0.0:
         return (
-            f"Coulomb friction ({friction:.3g} V) lifts the limit by {change:.0f} %, from {linear:.4g} to {simulated:.4g} "
-            "V/mm: it damps small vibrations like 4d/(πV) damps amplitude V, and that fades as they grow, so the limit "
-            "depends on amplitude and a larger push is unstable earlier."
+            f"Coulomb friction ({friction:.3g} V) raises the limit by {change:.0f} %, from {linear:.4g} to {simulated:.4g} "
+            "V/mm. On a vibration of velocity amplitude V a friction d acts as a viscous damper 4d/(πV): the larger the "
+            "vibration, the weaker the damping. The limit therefore depends on the amplitude, and after a larger disturbance "
+            "the loop is unstable at a smaller gain."
         )
     return (
         f"The simulated limit lies {-change:.0f} % below the linear one ({simulated:.4g} against {linear:.4g} V/mm): "
