@@ -93,8 +93,8 @@ def _table(found: Lesson) -> Section:
     )
     section.text(WITH_FRICTION + " A dash: it fails as it is.")
     section.text(
-        "A limit cycle is what is left of the vibration of x2 in the last six of twelve seconds after one move, peak to peak; "
-        "the swing in the dwells is along the handout's trajectory, which moves again every second."
+        "A limit cycle is what is left of the vibration in the last six of twelve seconds after one move, peak to peak, of the "
+        "cart that swings most; the swing in the dwells is along the handout's trajectory, which moves again every second."
     )
     return section
 

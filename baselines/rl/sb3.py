@@ -38,7 +38,8 @@ class Sb3Policy:
         now = np.asarray(observation, dtype=np.float32)
         past = np.tile(now, self.history) if self._past is None else np.concatenate([now, self._past[: -len(now)]])
         self._past = past
-        return self.act_many(past[None, :])[0]
+        action: npt.NDArray[np.float32] = self.act_many(past[None, :])[0]
+        return action
 
     def act_many(self, observations: npt.ArrayLike) -> npt.NDArray[np.float32]:
         """Return actions, shape (n, 1), to n rows of the last observations, newest first."""

@@ -117,7 +117,10 @@ def test_data_is_a_linear_controller_and_runs_nothing(folder):
         (DATA.replace('"x2"', '"x3"'), "own.toml: inputs: must be among"),
         ("[tf]\nnumerator = [1.0]", "own.toml: .*denominator"),
         ("[ss", "must be TOML"),
-        ("[ss]\nA = [[0.5]]\nB = [[1.0]]\nC = [[1.0]]\nD = [[0.0]]\ninputs = ['xr', 'x2']", "own.toml: B: must be of shape"),
+        (
+            "[ss]\nA = [[0.5]]\nB = [[1.0]]\nC = [[1.0]]\nD = [[0.0]]\ninputs = ['xr', 'x2']",
+            "own.toml: B: must be of shape",
+        ),
     ],
 )
 def test_odd_data_is_named(tmp_path, text, said):

@@ -18,30 +18,38 @@ from flexdrive_gym import DEFAULT_DRIVE
 from flexdrive_gym.references import handout_trajectory
 
 
-def bold(env):
-    """An untrained model whose answers are not small."""
-    model = PPO("MlpPolicy", env, n_steps=16, batch_size=8, seed=0, device="cpu")
-    model.policy.action_net.weight.data *= 5000.0
-    return model
+class Proportional:
+    """Answers as a model's policy does: P-control from x2, of a normalised observation."""
+
+    def __init__(self, env):
+        self.observation_space = env.observation_space
+
+    def predict(self, observation, *, deterministic):
+        assert deterministic
+        return np.clip(20.0 * observation[:, [2]], -1.0, 1.0), None
+
+
+def untrained(env):
+    return PPO("MlpPolicy", env, n_steps=16, batch_size=8, seed=0, device="cpu")
 
 
 def test_it_does_what_it_does_in_its_environment():
     env = gymnasium.make("FlexDrive-NonCollocated-v0", normalise=True, duration=1.0)
-    model = bold(env)
+    policy = Proportional(env)
     seen, info = env.reset(seed=0)
     x2 = []
     for _ in range(200):
         x2.append(info["read_x2"])
-        seen, *_rest, info = env.step(model.predict(seen, deterministic=True)[0])
+        seen, *_rest, info = env.step(policy.predict(seen[None, :], deterministic=True)[0][0])
     t = np.arange(1000) * 1e-3
-    run = DEFAULT_DRIVE.simulate_closed_loop(t, handout_trajectory(t), controller_of(model, env))
+    run = DEFAULT_DRIVE.simulate_closed_loop(t, handout_trajectory(t), controller_of(policy, env))
     assert np.ptp(x2) > 1.0
     assert run.x2[::5] == pytest.approx(x2, abs=0.05)
 
 
 def test_it_competes_with_its_history_and_travels():
     env = FlexDriveVecEnv(2, sensing="non_collocated", history=3)
-    controller = controller_of(bold(env), env)
+    controller = controller_of(untrained(env), env)
     found = compare(
         DEFAULT_DRIVE, {"mine": controller}, draws=0, effects=False, references=(), empirical=False,
         backend="sequential", duration=1.0,
@@ -56,4 +64,4 @@ def test_it_competes_with_its_history_and_travels():
 def test_another_environment_is_refused():
     env = FlexDriveVecEnv(2, sensing="non_collocated")
     with pytest.raises(ValueError, match="env: must be the one of the training"):
-        controller_of(bold(env), FlexDriveVecEnv(2, sensing="full_state"))
+        controller_of(untrained(env), FlexDriveVecEnv(2, sensing="full_state"))
