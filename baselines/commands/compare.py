@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
@@ -9,13 +10,25 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from baselines.commands._command import MOST_SEED, MOST_THREADS, jobs_given
 from baselines.commands._output import Json, print_json, progress, say, table
+from baselines.commands._results import Force, interrupted_says, result_folder
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from baselines.compare import Comparison, Improvement, Summary
     from flexdrive_gym import Drive
+
+
+_KEPT = (
+    "nothing of this comparison is kept. The same command begins again; fewer --draws, fewer --controllers and --no-effects take "
+    "less time."
+)
+
+
+# a command that is held for longer than a second controls nothing on this drive
+_LONGEST_MS = 1000
 
 
 class Backend(StrEnum):
@@ -69,24 +82,34 @@ def compare(
         typer.Option(
             "--references",
             "-r",
-            help="Beside the handout's trajectory: name or name:keyword=value:…, comma-separated or repeated; none for none; "
-            "default: s_curve,square,sine,chirp,prbs.",
+            help="Beside the handout's trajectory: name or name:keyword=value, comma-separated or repeated; none for none; "
+            "default: s_curve, square, sine, chirp, prbs.",
         ),
     ] = None,
-    draws: Annotated[int | None, typer.Option(min=0, help="Drives drawn from the covariance; default: 500.")] = None,
+    draws: Annotated[
+        int | None, typer.Option(min=0, max=20_000, help="Drives drawn from the covariance; default: 500.")
+    ] = None,
     effects: Annotated[
         bool, typer.Option(help="Also run every left-out effect of the catalogue at its typical size.")
     ] = True,
-    duration: Annotated[float, typer.Option(min=0.5, help="Of a run along a reference [s].")] = 4.0,
-    limit: Annotated[float, typer.Option(min=0.1, help="Of the command [V]; never more than the drive's own.")] = 8.0,
-    tolerance: Annotated[float, typer.Option(min=0.001, help="For settling and success [mm].")] = 2.0,
+    duration: Annotated[float, typer.Option(min=0.5, max=600.0, help="Of a run along a reference [s].")] = 4.0,
+    limit: Annotated[
+        float, typer.Option(min=0.1, max=1000.0, help="Of the command [V]; never more than the drive's own.")
+    ] = 8.0,
+    tolerance: Annotated[float, typer.Option(min=0.001, max=1000.0, help="For settling and success [mm].")] = 2.0,
     empirical: Annotated[bool, typer.Option(help="Also find margins by trial.")] = True,
-    seed: Annotated[int, typer.Option(min=0, help="Of the draws.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=MOST_SEED, help="Of the draws.")] = 0,
     backend: Annotated[
         Backend, typer.Option(help="Where runs are computed; the answer does not change.")
     ] = Backend.threading,
-    jobs: Annotated[int, typer.Option(help="Workers of this machine; -1: as many as cores.")] = -1,
+    jobs: Annotated[
+        int,
+        typer.Option(
+            min=-1, max=MOST_THREADS, callback=jobs_given, help="Workers of this machine; -1: as many as cores."
+        ),
+    ] = -1,
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, tcp://HOST:PORT.")] = None,
+    force: Force = False,
     json: Json = False,
 ) -> None:
     """Compare controllers and trained agents on the drive, on drives drawn from its covariance, and with left-out effects."""
@@ -104,12 +127,16 @@ def compare(
         "references": [comparing.named_reference(name) for name in (comparing.UNSEEN if along is None else along)],
     }  # fmt: skip
     found: dict[str, Found] = {}
-    for label, rig in rigs.items():
-        folder = output if len(rigs) == 1 or output is None else output / label
-        found[label] = _compare(rig, asked, _names(agents), _seconds(periods), options)
-        if folder is not None:
-            found[label].pages = _write(found[label].result, folder)
-    both = _write_side_by_side(found, output) if len(found) > 1 and output is not None else []
+    with ExitStack() as held:
+        held.enter_context(interrupted_says(lambda: _KEPT))
+        if output is not None:
+            held.enter_context(result_folder(output, "compare.html", force=force))
+        for label, rig in rigs.items():
+            folder = output if len(rigs) == 1 or output is None else output / label
+            found[label] = _compare(rig, asked, _names(agents), _seconds(periods), options)
+            if folder is not None:
+                found[label].pages = _write(found[label].result, folder)
+        both = _write_side_by_side(found, output) if len(found) > 1 and output is not None else []
     if json:
         each = {label: f.as_json() for label, f in found.items()}
         print_json(each[next(iter(each))] if len(each) == 1 else {"drives": each, "pages": both})
@@ -201,8 +228,10 @@ def _seconds(periods: str) -> list[float]:
             value = float(item)
         except ValueError:
             value = 0.0
-        if value < 1.0 or abs(value - round(value)) > 1e-9:
-            raise ValueError(f"periods: must be whole milliseconds of at least 1; got {item!r}. Try --periods 1,5.")
+        if not 1.0 <= value <= _LONGEST_MS or abs(value - round(value)) > 1e-9:
+            raise ValueError(
+                f"periods: must be whole milliseconds from 1 to {_LONGEST_MS}; got {item!r}. Try --periods 1,5."
+            )
         found.append(1e-3 * round(value))
     return list(dict.fromkeys(found))
 

@@ -18,11 +18,12 @@ def design(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", file_okay=False, help="Folder for design.html, a page with plots.")
     ] = None,
-    crossover: Annotated[float, typer.Option(min=0.1, help="Demanded crossover [rad/s].")] = 25.0,
-    gain_margin: Annotated[float, typer.Option(min=1.0, help="Least gain margin.")] = 2.0,
+    crossover: Annotated[float, typer.Option(min=0.1, max=3000.0, help="Demanded crossover [rad/s].")] = 25.0,
+    gain_margin: Annotated[float, typer.Option(min=1.0, max=1000.0, help="Least gain margin.")] = 2.0,
     phase_margin: Annotated[float, typer.Option(min=1.0, max=89.0, help="Least phase margin [deg].")] = 30.0,
     limit: Annotated[
-        list[float] | None, typer.Option(min=0.1, help="Command limit of the tracking runs [V]; repeatable.")
+        list[float] | None,
+        typer.Option(min=0.1, max=1000.0, help="Command limit of the tracking runs [V]; repeatable."),
     ] = None,
     json: Json = False,
 ) -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import asdict
+from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
@@ -10,21 +13,40 @@ import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
 from flexdrive_gym.drive import parameters
-from flexdrive_gym.drive.drive import Covariance, Drive, Provenance
+from flexdrive_gym.drive.drive import Covariance, Drive, Provenance, Recorded
 from flexdrive_gym.drive.effects import LAYOUT
 from flexdrive_gym.files import write_atomically
+from flexdrive_gym.recording import FloatArray
+from flexdrive_gym.units import LAB, Units
 
 SCHEMA = 1
+_UNITS = ("length", "command", "per_length", "per_command", "per_time")
+# what says how far recordings reach, and the lab's units of it
+_REACH = {"u": "V", "v": "mm/s", "deflection": "mm", "slowest": "Hz", "fastest": "Hz"}
+# from a rig's own units: Newton's law divided by the force, or on a turning rig the torque, that a volt gives
+_CONVERSIONS = {
+    "V s²/mm": "Convert: m [V s²/mm] = mass [kg] / (force per volt [N/V]) / 1000, or for an inertia "
+    "J [kg m²] / (torque per volt [N m/V] · radius [m]) / 1000.",
+    "V s/mm": "Convert: b [V s/mm] = damping [N s/m] / (force per volt [N/V]) / 1000, or for a turning one "
+    "damping [N m s/rad] / (torque per volt [N m/V] · radius [m]) / 1000.",
+    "V/mm": "Convert: k [V/mm] = stiffness [N/m] / (force per volt [N/V]) / 1000, or for a turning one "
+    "stiffness [N m/rad] / (torque per volt [N m/V] · radius [m]) / 1000.",
+    "V": "Convert: d [V] = force [N] / (force per volt [N/V]), or torque [N m] / (torque per volt [N m/V]).",
+}
 
 
 def _entry(drive: Drive, name: str) -> Any:
     spec = parameters.parameter(name)
     entry = tomlkit.inline_table()
-    entry["value"] = drive[name]
-    entry["unit"] = spec.unit
+    entry["value"], entry["unit"] = drive.units.of_rig(drive[name], spec.unit)
     if name in drive.intervals:
-        entry["ci95"] = [float(x) for x in drive.intervals[name]]
+        entry["ci95"] = [drive.units.of_rig(float(x), spec.unit)[0] for x in drive.intervals[name]]
     return entry
+
+
+def _sizes(names: Sequence[str], units: Units) -> FloatArray:
+    """Return how many of the engine's units make one of the rig's, ndarray, shape (n,)."""
+    return np.array([units.one(parameters.parameter(name).unit) for name in names])
 
 
 def dumps(drive: Drive) -> str:
@@ -36,6 +58,12 @@ def dumps(drive: Drive) -> str:
     document["schema"] = SCHEMA
     document["name"] = drive.name
     document["carts"] = drive.carts
+    if not drive.units.lab:
+        units = tomlkit.table()
+        units.comment("names, and how many mm, V and s of the lab one unit of the rig is simulated as")
+        for key in _UNITS:
+            units[key] = getattr(drive.units, key)
+        document["units"] = units
 
     provenance = tomlkit.table()
     provenance["method"] = drive.provenance.method
@@ -62,14 +90,46 @@ def dumps(drive: Drive) -> str:
     if len(effects):
         document["effects"] = effects
     if drive.covariance is not None:
-        table = tomlkit.table()
-        table["names"] = list(drive.covariance.names)
-        rows = tomlkit.array().multiline(multiline=True)
-        for row in drive.covariance.matrix:
-            rows.append([float(x) for x in row])
-        table["matrix"] = rows
-        document["covariance"] = table
+        document["covariance"] = _covariance(drive.covariance, _sizes(drive.covariance.names, drive.units))
+    if drive.run_to_run is not None:
+        document["run_to_run"] = _covariance(drive.run_to_run, np.ones(len(drive.run_to_run.names)))
+        document["run_to_run"].comment("of the logarithms: what differs between runs of the same rig")
+    if drive.recorded is not None:
+        reached = tomlkit.table()
+        reached.comment(drive.units.name("how far the recordings reach: V, mm/s, mm, Hz"))
+        for name, value in asdict(drive.recorded).items():
+            reached[name] = drive.units.of_rig(float(value), _REACH[name])[0]
+        document["recorded"] = reached
     return tomlkit.dumps(document)
+
+
+def _covariance(covariance: Covariance, sizes: FloatArray) -> Any:
+    """Return a covariance as a table; ``sizes`` of the engine's units make one of the rig's."""
+    table = tomlkit.table()
+    table["names"] = list(covariance.names)
+    if isfinite(covariance.degrees):
+        table["degrees"] = float(covariance.degrees)
+    rows = tomlkit.array().multiline(multiline=True)
+    for row in covariance.matrix / np.outer(sizes, sizes):
+        rows.append([float(x) for x in row])
+    table["matrix"] = rows
+    return table
+
+
+def _read_covariance(table: dict[str, Any] | None, units: Units | None = None) -> Covariance | None:
+    """Return the covariance in a table; of parameters in the rig's units, or of pure numbers."""
+    if not table:
+        return None
+    names = tuple(table["names"])
+    sizes = np.ones(len(names)) if units is None else _sizes(names, units)
+    matrix = np.array(table["matrix"], dtype=np.float64) * np.outer(sizes, sizes)
+    return Covariance(names, matrix, float(table.get("degrees", inf)))
+
+
+def _read_recorded(table: dict[str, Any] | None, units: Units) -> Recorded | None:
+    if not table:
+        return None
+    return Recorded(**{name: float(value) * units.one(_REACH.get(name, "")) for name, value in table.items()})
 
 
 def save_drive(drive: Drive, path: str | Path) -> Path:
@@ -77,18 +137,37 @@ def save_drive(drive: Drive, path: str | Path) -> Path:
     return write_atomically(path, dumps(drive))
 
 
-def _number(where: str, name: str, entry: Any, intervals: dict[str, tuple[float, float]]) -> float:
+def _units(where: str, table: Any) -> Units:
+    """Return the rig's units; the lab's where the file names none."""
+    if table is None:
+        return LAB
+    unknown = sorted(set(table) - set(_UNITS))
+    if unknown:
+        raise ValueError(f"{where}: [units] has {', '.join(_UNITS)}; got {unknown[0]!r}. Remove it.")
+    for key in _UNITS[2:]:
+        value = table.get(key, 1.0)
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < np.inf:
+            raise ValueError(
+                f"{where}: [units] {key} must be a positive number; got {value!r}. Write 1.0 for the lab's."
+            )
+    return Units(**table)
+
+
+def _number(where: str, name: str, entry: Any, intervals: dict[str, tuple[float, float]], units: Units) -> float:
     table = entry if isinstance(entry, dict) else {"value": entry}
-    unit = parameters.parameter(name).unit
+    spec = parameters.parameter(name).unit
+    unit, one = units.name(spec), units.one(spec)
     if table.get("unit", unit) != unit:
-        raise ValueError(f"{where}: {name} must be given in {unit}; got {table['unit']!r}. Convert the value.")
+        raise ValueError(
+            f"{where}: {name} must be given in {unit}; got {table['unit']!r}. {_CONVERSIONS.get(unit, 'Convert the value.')}"
+        )
     value = table.get("value")
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise TypeError(f"{where}: {name} needs a number as value; got {value!r}.")
     if "ci95" in table:
         low, high = table["ci95"]
-        intervals[name] = (float(low), float(high))
-    return float(value)
+        intervals[name] = (float(low) * one, float(high) * one)
+    return float(value) * one
 
 
 def loads(text: str, where: str = "drive.toml") -> Drive:
@@ -104,25 +183,23 @@ def loads(text: str, where: str = "drive.toml") -> Drive:
         )
     values: dict[str, float] = {}
     intervals: dict[str, tuple[float, float]] = {}
+    units = _units(where, document.get("units"))
     try:
         for name, entry in document["parameters"].items():
-            values[name] = _number(where, name, entry, intervals)
+            values[name] = _number(where, name, entry, intervals, units)
         for effect_id, places in document.get("effects", {}).items():
             for place, entries in places.items():
                 for short, entry in entries.items():
                     name = _key(effect_id, place, short)
-                    values[name] = _number(where, name, entry, intervals)
+                    values[name] = _number(where, name, entry, intervals, units)
     except KeyError as error:
         raise ValueError(f"{where}: {error.args[0]}") from error
     source = document.get("provenance", {})
-    covariance = document.get("covariance")
     try:
         return Drive(
             values,
             intervals,
-            Covariance(tuple(covariance["names"]), np.array(covariance["matrix"], dtype=np.float64))
-            if covariance
-            else None,
+            _read_covariance(document.get("covariance"), units),
             Provenance(
                 source.get("method", "values"),
                 tuple(source.get("recordings", ())),
@@ -130,8 +207,11 @@ def loads(text: str, where: str = "drive.toml") -> Drive:
                 source.get("note", ""),
             ),
             document.get("name", "drive"),
+            units,
+            _read_covariance(document.get("run_to_run")),
+            _read_recorded(document.get("recorded"), units),
         )
-    except ValueError as error:
+    except (TypeError, ValueError) as error:
         raise ValueError(f"{where}: {error}") from error
 
 

@@ -217,10 +217,14 @@ def test_the_teaching_page_answers_with_a_learnt_last_column_and_small_pictures(
         margins(with_agents.drive, lab4.controller).gain_margin, rel=0.01
     )
     assert float(rows["GM with friction"][-2]) > 2.0 * float(rows["GM linear"][-2])
-    assert "measured" not in re.sub(r'"data:[^"]*"', "", page)
-    gifs = [base64.b64decode(data) for data in re.findall(r"data:image/gif;base64,([^\"]*)", page)]
-    assert len(gifs) == 6
-    assert all(data.startswith(b"GIF89a") and len(data) < 400_000 for data in gifs)
+    assert "simulated error of x2 in the dwells" in page
+    assert "measured error" not in page
+    moving = re.findall(r'<script type="text/plain">([^<]*)</script>', page)
+    assert len(moving) == 6
+    # four seconds at ten pictures a second, each whole
+    assert all(len(frames.split(" ")) == 40 and len(frames) < 600_000 for frames in moving)
+    assert all(base64.b64decode(frame).startswith(b"\x89PNG") for frame in moving[0].split(" "))
+    assert page.count('type="range"') == 6
 
 
 def test_a_reference_by_name_is_the_environments():

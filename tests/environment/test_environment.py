@@ -198,6 +198,7 @@ def test_an_environment_is_the_drive_it_was_given_with_all_its_effects():
         "stribeck.cart_1.extra": 0.1, "presliding.cart_2.fd": 0.1, "hardening_spring.k3": 4e-5, "amplifier_lag.tau": 3e-3,
         "encoder_play.encoder_2.g": 0.2, "encoder_delay.encoder_1.tau": 2.5e-3, "friction_drift.cart_2.rate": 0.05,
         "input_offset.u0": 0.05, "extra_mode.mass_2": 4e-5, "spring_hysteresis.level": 0.05, "dead_zone.uz": 0.05,
+        "base_recoil.compliance": 0.01,
     }  # fmt: skip
     env = gymnasium.make(
         NON_COLLOCATED, effects=effects, control_period=1e-3, physics_step=1e-3, duration=1.0

@@ -42,6 +42,7 @@ VARIANTS = {
             "amplifier_lag.tau": 0.003,
             "motor_gear_backlash.mass": 1e-4,
             "extra_mode.mass_2": 5e-5,
+            "base_recoil.compliance": 0.01,
             "stribeck.cart_1.extra": 0.1,
             "input_delay.tau": 0.0012,
         },
