@@ -21,7 +21,7 @@ def made(*, source="a.csv", recorded=None, session=""):
 def test_dates_make_sessions_and_long_gaps_make_more():
     times = [(10, 11, 35), (10, 12, 27), (10, 17, 0), (20, 11, 21), (20, 23, 50), (21, 0, 20)]
     # a file's header says no zone
-    runs = [made(recorded=datetime(2025, 11, d, h, m)) for d, h, m in times]  # noqa: DTZ001
+    runs = [made(recorded=datetime(2025, 11, d, h, m)) for d, h, m in times]
     assert sessions_of(runs) == (
         "2025-11-10 (1)", "2025-11-10 (1)", "2025-11-10 (2)", "2025-11-20 (1)", "2025-11-20 (2)", "2025-11-20 (2)",
     )  # fmt: skip
