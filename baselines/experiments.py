@@ -56,11 +56,16 @@ def p_control(
     return replace(run, excitation=excitation, v1=None, v2=None)
 
 
-def limit_in_the_lab(drive: Drive) -> float | None:
+def limit_in_the_lab(drive: Drive, near: float | None = None) -> float | None:
     """Return the gain at which four seconds of the repeating trajectory begin to grow, as a student finds it (2.2).
 
     It lies below :func:`~baselines.stability_limit.critical_gain`: every move of the trajectory pushes the vibration anew,
     and friction holds a small vibration but not a large one.
+
+    Parameters
+    ----------
+    near
+        Limit of a drive much like this one: the gains around it are tried first.
 
     Returns
     -------
@@ -68,7 +73,12 @@ def limit_in_the_lab(drive: Drive) -> float | None:
         Kp [V/mm], to 0.2 %; ``None`` where nothing grows below 10 V/mm.
     """
     scan = np.geomspace(STABLE_GAIN, LARGEST_GAIN, 41)
+    if near is not None and not grows(p_control(drive, 0.6 * near, "x2")):
+        # as finely as the whole scan
+        scan = near * np.geomspace(0.6, 1.6, 9)
     first = next((i for i, gain in enumerate(scan) if grows(p_control(drive, float(gain), "x2"))), None)
+    if first is None and near is not None:
+        return limit_in_the_lab(drive)
     if first is None:
         return None
     if first == 0:

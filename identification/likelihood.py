@@ -38,6 +38,7 @@ from identification.equation_error import start_values
 from identification.output_error import Run, prepare, residuals
 from identification.quantities import HANDOUT_RATIOS, RATIOS, Quantity, derived_quantities
 from identification.recordings import RecordingSet
+from identification.run_to_run import friction_run_to_run, recorded_range
 from identification.topology import Topology, topology_of
 
 _ROUNDS = 3
@@ -297,10 +298,12 @@ def _result(
     drive = Drive(
         values,
         intervals,
-        Covariance(fit.names, covariance),
+        Covariance(fit.names, covariance, clusters - len(z)),
         Provenance("ml", tuple(r.name for r in used), __version__, "; ".join(remarks)),
         name="identified drive",
         units=used[0].units,
+        run_to_run=friction_run_to_run(values, fit.runs, fit.pool),
+        recorded=recorded_range(used),
     )
     whole = drive.carts == 1 or {"m1", "m2", "b1", "b2", "k"} <= set(values)
     quantities, ratios = derived_quantities(drive, fit.ties, quantile) if whole else ({}, {})

@@ -1,4 +1,4 @@
-"""Where commands write: asked for before anything is computed, by one run at a time, over results only with ``--force``."""
+"""Where commands write: found out before anything is computed, one run at a time, over nothing finished without ``--force``."""
 
 from __future__ import annotations
 

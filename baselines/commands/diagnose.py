@@ -175,7 +175,8 @@ def print_diagnosis(found: Diagnosis) -> None:
             say(f"  {line}")
     if found.unnamed is not None:
         nearest = ", ".join(f"{words.effect_name(n)} ({s:.0%} alike)" for n, s in found.unnamed.nearest)
-        say(f"unnamed, nearest names: {nearest or 'none'}")
+        if nearest:
+            say(f"nearest to what has no name: {nearest}")
     print_faults("sensor faults, left out", found.faults)
     for line in words.ratio_sentences(found):
         say(line)

@@ -100,8 +100,8 @@ def _responses(study: Lab4Study) -> Section:
         ("stage", "rise [s]", "overshoot [%]", "1 V: peak [mm]", "1 V: final [mm]", "1 V, friction: peak [mm]",
          "final [mm]", *(f"step at ±{v:g} V: rise [s]; overshoot [%]" for v in limits)),
         [
-            (s.name, cell(s.step.rise), cell(s.step.overshoot), cell(s.disturbance.peak), f"{s.disturbance.final:.2f}",
-             cell(s.rig_disturbance.peak), f"{s.rig_disturbance.final:.2f}",
+            (s.name, cell(s.step.rise), cell(s.step.overshoot), cell(s.disturbance.peak), f"{round(s.disturbance.final, 2) + 0.0:.2f}",
+             cell(s.rig_disturbance.peak), f"{round(s.rig_disturbance.final, 2) + 0.0:.2f}",
              *(f"{cell(s.rig_steps[v].rise)}; {cell(s.rig_steps[v].overshoot)}" for v in limits))
             for s in study.stages
         ],

@@ -8,6 +8,7 @@ from baselines.report import control_plots as plots
 from baselines.report.discussion import measure_p_control
 from baselines.report.page import Section, render
 from baselines.stability_study import StabilityStudy
+from baselines.uncertainty import interval_in_words, reasons
 from flexdrive_gym import Recording, __version__
 from identification.plots import plot_pole_zero, plot_recording
 
@@ -22,6 +23,8 @@ _TITLES = {
 def build_stability_page(study: StabilityStudy) -> str:
     """Return the page as HTML: limits, root loci, pole-zero maps, the four runs with and without friction."""
     sections = [_limits(study)]
+    if any(p.draws for p in study.predicted.values()):
+        sections.append(_intervals(study))
     if study.drive.carts == 2:
         sections += [_theory(study), _amplitude(study)]
     sections.append(_runs(study, study.runs, "Experiments 2.1–2.4, simulated", "runs"))
@@ -63,6 +66,25 @@ def _limits(study: StabilityStudy) -> Section:
             ("as a student finds it, from x2, simulated", "critical gain [V/mm]"),
             [("with friction", _cell(study.student)), ("without friction", _cell(study.student_without_friction))],
         )
+    return section
+
+
+def _intervals(study: StabilityStudy) -> Section:
+    section = Section("What another run of this rig may do", "intervals")
+    drawn = [p for p in study.predicted.values() if p.draws]
+    section.text(
+        f"Every figure was computed on {drawn[0].draws} drives drawn from the covariance over recordings and from the "
+        "friction that differs between runs. The interval holds 95 % of them."
+    )
+    section.table(
+        ("figure", "of the drive", "median", "95 % interval", "unit", "extrapolated"),
+        [
+            (p.name, _cell(p.value), _cell(p.median), interval_in_words(p), p.unit, "yes" if p.extrapolated else "no")
+            for p in drawn
+        ],
+    )
+    for sentence in reasons(drawn):
+        section.text(sentence)
     return section
 
 

@@ -350,7 +350,7 @@ def located(maps: Sequence[Map]) -> tuple[Located, ...]:
     for where, square in sorted(sizes.items(), key=lambda item: -item[1]):
         best = max((m for m in maps if m.where == where), key=lambda m: m.explained)
         i = int(np.argmax(np.abs(best.mean)))
-        acts = f"{best.variable} near {best.centre[i]:.3g}" if best.explained > 0.02 else "nothing that was looked at"
+        acts = f"{best.variable} near {best.centre[i]:.3g}" if best.explained > 0.02 else "no single signal"
         found.append(Located(where, float(square / everything), acts, best.sentence))
     return tuple(found)
 

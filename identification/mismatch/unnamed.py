@@ -183,7 +183,7 @@ def _restless(bench: Workbench, found: Search) -> Unnamed | None:
         return None
     most = " and ".join(f"{bench.runs[r].name} ({share:.0%})" for r, share in beyond.runs)
     acts = (
-        f"nothing that was looked at, but is more than a rig's own restlessness makes (p = {beyond.probability:.2g}); most "
-        f"of it in {most}"
+        f"no single signal (v1, v2, δ, u, x1, x2 or time); it exceeds what differs between runs of such a rig "
+        f"(p = {beyond.probability:.2g}) and is largest in {most}"
     )
     return Unnamed(beyond.where, beyond.share, acts, ())

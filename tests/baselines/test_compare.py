@@ -200,9 +200,12 @@ def test_the_teaching_page_answers_with_a_learnt_last_column_and_small_pictures(
     page = build_teaching_page(with_agents)
     header = re.search(r"<th.*?</thead>", page[page.index('id="table"') :], re.DOTALL).group()
     assert re.findall(r"<th[^>]*>([^<]*)</th>", header)[-2:] == ["Lab 4", "RL (non_collocated-1)"]
-    gifs = [base64.b64decode(data) for data in re.findall(r"data:image/gif;base64,([^\"]*)", page)]
-    assert len(gifs) == 6
-    assert all(data.startswith(b"GIF89a") and len(data) < 400_000 for data in gifs)
+    moving = re.findall(r'<script type="text/plain">([^<]*)</script>', page)
+    assert len(moving) == 6
+    # four seconds at ten pictures a second, each whole
+    assert all(len(frames.split(" ")) == 40 and len(frames) < 600_000 for frames in moving)
+    assert all(base64.b64decode(frame).startswith(b"\x89PNG") for frame in moving[0].split(" "))
+    assert page.count('type="range"') == 6
 
 
 def test_a_reference_by_name_is_the_environments():

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from flexdrive_gym import Covariance, Drive, Observation, PControl, Provenance, load_drive, save_drive
+from flexdrive_gym.drive.drive import Recorded
 from flexdrive_gym.references import handout_trajectory, square
 from tests.drive.drives import FRICTIONLESS, RIG
 
@@ -34,9 +35,11 @@ def test_toml_keeps_everything(tmp_path):
     drive = Drive(
         {**RIG, **SENSORS, "saturation.limit": 8.0, "input_delay.tau": 2e-3},
         intervals={"m1": (7.5e-4, 7.7e-4)},
-        covariance=Covariance(("m1", "b1"), np.array([[1e-12, 1e-13], [1e-13, 1e-8]])),
+        covariance=Covariance(("m1", "b1"), np.array([[1e-12, 1e-13], [1e-13, 1e-8]]), 9.0),
         provenance=Provenance("ml", ("square_a", "sine_b"), "0.1.0", "a note"),
         name="bench",
+        run_to_run=Covariance(("d1", "d2"), np.diag([0.04, 0.09])),
+        recorded=Recorded(2.5, 180.0, 20.0, 0.5, 20.0),
     )
     back = load_drive(save_drive(drive, tmp_path / "drive.toml"))
     assert dict(back.values) == dict(drive.values)
@@ -45,6 +48,10 @@ def test_toml_keeps_everything(tmp_path):
     assert back.name == drive.name
     assert back.covariance is not None
     assert np.array_equal(back.covariance.matrix, drive.covariance.matrix)
+    assert back.covariance.degrees == 9.0
+    assert (back.run_to_run.names, back.run_to_run.degrees) == (("d1", "d2"), np.inf)
+    assert np.array_equal(back.run_to_run.matrix, drive.run_to_run.matrix)
+    assert back.recorded == pickle.loads(pickle.dumps(drive)).recorded == drive.recorded
     assert 'unit = "V s²/mm"' in (tmp_path / "drive.toml").read_text()
 
 
