@@ -15,7 +15,7 @@ from typing import Literal
 
 import numpy as np
 
-from flexdrive_gym import Drive, Recording
+from flexdrive_gym import Drive, PControl, Recording
 from flexdrive_gym.drive import kernels, parameters
 from flexdrive_gym.drive.default import HANDOUT_LIMIT_V, HANDOUT_QUANTUM_MM
 from flexdrive_gym.drive.sample import WORK_SPACE
@@ -31,7 +31,7 @@ _SAMPLE_TIME_S = 1e-3
 _DURATION_S = 12.0
 _WINDOW_S = 6.0
 _SWING_MM = 25.0
-_PRECISION = 2e-3
+_PRECISION, _ROUGH = 2e-3, 1e-2
 
 
 def with_rig(drive: Drive) -> Drive:
@@ -92,21 +92,51 @@ def critical_gain(drive: Drive, feedback: Feedback = "x2") -> float | None:
     float or None
         Kp [V/mm]; ``None`` where no limit exists below 10 V/mm.
     """
-    scan = np.geomspace(_SMALLEST_GAIN, LARGEST_GAIN, 81)
+    bracket = _bracket(drive, feedback, np.geomspace(_SMALLEST_GAIN, LARGEST_GAIN, 81))
+    return None if bracket is None else _bisected(drive, feedback, *bracket, _PRECISION)
+
+
+def critical_gain_near(drive: Drive, feedback: Feedback, guess: float | None) -> float | None:
+    """Return :func:`critical_gain` of a drive much like one whose critical gain is known: to 1 %, in a sixth of the time.
+
+    Parameters
+    ----------
+    guess
+        Critical gain of the other drive [V/mm]; ``None`` where it has none.
+    """
+    # most such drives have no limit either, so the question is coarse
+    scan = np.geomspace(HANDOUT_GAIN, LARGEST_GAIN, 8) if guess is None else guess * np.geomspace(0.6, 1.6, 9)
+    bracket = _bracket(drive, feedback, scan)
+    if bracket is None and guess is None:
+        return None
+    if bracket is None or bracket[0] == bracket[1]:
+        return critical_gain(drive, feedback)
+    return _bisected(drive, feedback, *bracket, _ROUGH)
+
+
+def _bracket(drive: Drive, feedback: Feedback, scan: FloatArray) -> tuple[float, float] | None:
+    """Return the gains of a scan between which the rig becomes unstable; its first twice where that is unstable already."""
     unstable = swings(drive, scan, feedback) > _SWING_MM
     if not unstable.any():
         return None
     first = int(np.argmax(unstable))
-    if first == 0:
-        return float(scan[0])
-    low, high = float(scan[first - 1]), float(scan[first])
-    while high > low * (1.0 + _PRECISION):
+    return float(scan[max(first - 1, 0)]), float(scan[first])
+
+
+def _bisected(drive: Drive, feedback: Feedback, low: float, high: float, precision: float) -> float:
+    while high > low * (1.0 + precision):
         # eight gains a sweep cost little more than one and cut the bracket ninefold
         inner = np.geomspace(low, high, 10)[1:-1]
         hit = swings(drive, inner, feedback) > _SWING_MM
         j = int(np.argmax(hit)) if hit.any() else len(inner)
         low, high = (float(inner[j - 1]) if j else low), (float(inner[j]) if j < len(inner) else high)
     return math.sqrt(low * high)
+
+
+def critical_motion(drive: Drive, gain: float, feedback: Feedback) -> Recording:
+    """Return the motion by which :func:`critical_gain` judges a gain."""
+    t = np.arange(round(_DURATION_S / _SAMPLE_TIME_S)) * _SAMPLE_TIME_S
+    return with_rig(drive).simulate_closed_loop(t, point_to_point(t), PControl(gain, feedback))
 
 
 @dataclass(frozen=True)
@@ -185,9 +215,10 @@ def explain(drive: Drive, x2: StabilityLimit) -> str:
         return f"Simulated and linear limit agree to {abs(change):.1f} %: friction hardly matters on this drive."
     if change > 0.0:
         return (
-            f"Coulomb friction ({friction:.3g} V) lifts the limit by {change:.0f} %, from {linear:.4g} to {simulated:.4g} "
-            "V/mm: it damps small vibrations like 4d/(πV) damps amplitude V, and that fades as they grow, so the limit "
-            "depends on amplitude and a larger push is unstable earlier."
+            f"Coulomb friction ({friction:.3g} V) raises the limit by {change:.0f} %, from {linear:.4g} to {simulated:.4g} "
+            "V/mm. On a vibration of velocity amplitude V a friction d acts as a viscous damper 4d/(πV): the larger the "
+            "vibration, the weaker the damping. The limit therefore depends on the amplitude, and after a larger disturbance "
+            "the loop is unstable at a smaller gain."
         )
     return (
         f"The simulated limit lies {-change:.0f} % below the linear one ({simulated:.4g} against {linear:.4g} V/mm): "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from baselines.amplitude import Sustained, simulated_limit, sustained_curve
 from baselines.controllers.p_control import proportional
 from baselines.experiments import limit_in_the_lab, stability_experiments
 from baselines.stability_limit import HANDOUT_GAIN, StabilityLimit, explain, stability_limit, with_rig
+from baselines.uncertainty import DRAWS, Predicted, predict
 from flexdrive_gym import Drive, Recording
 
 _AMPLITUDES_MM = np.geomspace(2.0, 80.0, 60)
@@ -36,6 +37,8 @@ class StabilityStudy:
         Some points of harmonic balance, each with the Kp found by simulation [V/mm].
     explanation
         Why the limits differ, in sentences.
+    predicted
+        Every figure with the interval that the drive's uncertainty leaves, by name.
     """
 
     drive: Drive
@@ -47,6 +50,7 @@ class StabilityStudy:
     curve: tuple[Sustained, ...]
     tried: tuple[tuple[Sustained, float], ...]
     explanation: tuple[str, ...]
+    predicted: Mapping[str, Predicted]
 
     @property
     def agreement(self) -> float | None:
@@ -55,7 +59,7 @@ class StabilityStudy:
         return max(both) if both else None
 
 
-def study_stability(drive: Drive, at_gain: float = HANDOUT_GAIN) -> StabilityStudy:
+def study_stability(drive: Drive, at_gain: float = HANDOUT_GAIN, draws: int = DRAWS) -> StabilityStudy:
     """Run 2.1-2.4 with and without friction, and explain the difference.
 
     Parameters
@@ -64,13 +68,16 @@ def study_stability(drive: Drive, at_gain: float = HANDOUT_GAIN) -> StabilityStu
         Encoder counts and command limit are the handout's where it has none.
     at_gain
         Kp at which the phase margin is stated [V/mm].
+    draws
+        Of the drive, for intervals; 0 for none.
     """
     rig = with_rig(drive)
+    predicted = predict(drive, draws=draws)
     limits = {f: stability_limit(drive, f, at_gain) for f in ("x1", "x2")[: drive.carts]}  # type: ignore[arg-type]
     runs = stability_experiments(drive)
     if drive.carts == 1:
         return StabilityStudy(
-            drive, limits, None, None, runs, {}, (), (), ("A rigid drive has no limit in linear theory.",)
+            drive, limits, None, None, runs, {}, (), (), ("A rigid drive has no limit in linear theory.",), predicted
         )  # fmt: skip
     smooth = rig.replace({"d1": 0.0, "d2": 0.0}, name=f"{drive.name} without Coulomb friction")
     student, free = limit_in_the_lab(drive), limit_in_the_lab(smooth)
@@ -78,8 +85,9 @@ def study_stability(drive: Drive, at_gain: float = HANDOUT_GAIN) -> StabilityStu
     curve = sustained_curve(rig, unit, _AMPLITUDES_MM, limit=rig.voltage_limit)
     starts = sustained_curve(rig, unit, _TRIED_MM, limit=rig.voltage_limit)
     tried = tuple((s, simulated_limit(rig, unit, s)) for s in starts if np.isfinite(s.factor))
-    study = StabilityStudy(drive, limits, student, free, runs, stability_experiments(smooth), tuple(curve), tried, ())
-    return StabilityStudy(**{**study.__dict__, "explanation": _explanation(study)})
+    smooth_runs = stability_experiments(smooth)
+    study = StabilityStudy(drive, limits, student, free, runs, smooth_runs, tuple(curve), tried, (), predicted)
+    return replace(study, explanation=_explanation(study))
 
 
 def _explanation(study: StabilityStudy) -> tuple[str, ...]:

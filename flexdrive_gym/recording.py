@@ -14,7 +14,7 @@ Two conventions matter at 1 kHz and are the rig's own:
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
@@ -64,14 +64,18 @@ class Excitation:
     gain: float | None = None
     limit: float | None = None
 
-    def __str__(self) -> str:
+    def text(self, units: Units = LAB) -> str:
+        """Return what drove the run in words, figures in the rig's units."""
         if self.kind == "closed_loop" and self.gain is None:
             return "closed loop, controller not recognised"
-        if self.kind == "closed_loop":
-            return f"P-control from {self.feedback}, Kp = {self.gain:.4g} V/mm"
+        if self.kind == "closed_loop" and self.gain is not None:
+            return f"P-control from {self.feedback}, Kp = {units.text(self.gain, 'V/mm')}"
         if self.kind == "other":
             return "other excitation"
-        return f"{self.kind} ±{self.amplitude:.3g} V, {self.frequency:.3g} Hz"
+        return f"{self.kind} ±{units.text(self.amplitude, 'V', 3)}, {units.text(self.frequency, 'Hz', 3)}"
+
+    def __str__(self) -> str:
+        return self.text()
 
 
 @dataclass(frozen=True)
@@ -175,6 +179,36 @@ class Recording:
     def closed_loop(self) -> bool:
         """Whether the command was made by feedback."""
         return self.excitation.kind == "closed_loop"
+
+    def in_rig_units(self) -> Recording:
+        """Return the recording with the numbers that the rig's owner reads, for plots and tables; no model runs on it."""
+        if self.units.lab:
+            return self
+        one = self.units.one
+        length, speed, command, time = one("mm"), one("mm/s"), one("V"), one("s")
+        scaled = {
+            name: values / (speed if name[0] == "v" else length)
+            for name in (*CHANNELS, "xr")
+            if (values := getattr(self, name)) is not None
+        }
+        drove = replace(
+            self.excitation,
+            amplitude=self.excitation.amplitude / (length if self.closed_loop else command),
+            frequency=self.excitation.frequency / one("Hz"),
+            gain=None if self.excitation.gain is None else self.excitation.gain / one("V/mm"),
+            limit=None if self.excitation.limit is None else self.excitation.limit / command,
+        )
+        return replace(
+            self,
+            t=self.t / time,
+            u=self.u / command,
+            **scaled,
+            quantum=(self.quantum[0] / length, self.quantum[1] / length),
+            velocity_cutoff=self.velocity_cutoff and self.velocity_cutoff / one("Hz"),
+            excitation=drove,
+            faults=tuple(replace(f, start_s=f.start_s / time, end_s=f.end_s / time) for f in self.faults),
+            units=Units(self.units.length, self.units.command),
+        )
 
     def channels(self) -> Iterator[tuple[Channel, FloatArray]]:
         """Yield the measured channels that are present, in the order x1, x2, v1, v2."""

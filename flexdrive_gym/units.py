@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 _FACTOR = re.compile(r"^(mm|Hz|V|s)([⁰¹²³⁴⁵⁶⁷⁸⁹⁻]*)$")
-_TOKEN = re.compile(r"(?<![^\W\d_])(mm|V)(?![^\W\d_])")
+_TOKEN = re.compile(r"(?<![A-Za-z])(mm|V)(?![A-Za-z])")
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Units:
         sizes = {"mm": self.per_length, "s": self.per_time, "V": self.per_command, "Hz": 1.0 / self.per_time}
         for part, sign in [(over, 1), *((p, -1) for p in under)]:
             for word in part.split():
-                found = _FACTOR.match(word)
+                found = _FACTOR.match(word.strip("()[]"))
                 if found:
                     size *= sizes[found[1]] ** (sign * int(found[2].translate(_SUPERSCRIPTS) or 1))
         return size
@@ -74,6 +74,11 @@ class Units:
             The lab's name of its unit.
         """
         return value / self.one(unit), self.name(unit)
+
+    def text(self, value: float, unit: str, digits: int = 4) -> str:
+        """Return a figure of the engine in words of the rig: ``0.1234 V/mm``."""
+        size, name = self.of_rig(value, unit)
+        return f"{size:.{digits}g} {name}"
 
     def to_engine(self, value: float, unit: str) -> float:
         """Return a figure of the rig in the engine's units; ``unit`` is the lab's name."""

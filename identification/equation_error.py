@@ -44,7 +44,7 @@ def start_values(recordings: Sequence[Recording], topology: Topology | None = No
         Parameter name to value in the handout's units; non-negative.
     """
     topology = topology or topology_of(recordings)
-    if topology.start:
+    if any("." not in name for name in topology.start):
         return {}
     rows = [_regressors(r, topology.carts) for r in recordings]
     matrix, target = np.vstack([a for a, _ in rows]), np.concatenate([b for _, b in rows])

@@ -20,6 +20,7 @@ import numpy as np
 
 from flexdrive_gym import Drive, Excitation, LinearDrive, Recording
 from flexdrive_gym.recording import BoolArray, FloatArray
+from flexdrive_gym.units import LAB, Units
 from identification.signals import velocities
 from identification.sine_fit import SineFit, fit_sine, transient
 from identification.theoretical_response import (
@@ -125,6 +126,7 @@ class FrequencyTable:
     rows: tuple[FrequencyRow, ...]
     corrected: bool = False
     notes: tuple[str, ...] = ()
+    units: Units = LAB
 
     @property
     def amplitude(self) -> float:
@@ -134,12 +136,13 @@ class FrequencyTable:
     def as_table(self) -> tuple[list[str], list[list[str]]]:
         """Return column titles and cells in the format of handout 3.4."""
         columns = ["Frequency [Hz]"]
+        one = self.units.one("mm/s/V")
         for i in (1, 2):
-            columns += [f"Gain v{i}/u [(mm/s)/V]", f"Phase ∠(v{i}/u) [deg]"]
+            columns += [self.units.name(f"Gain v{i}/u [(mm/s)/V]"), f"Phase ∠(v{i}/u) [deg]"]
         cells = [
             [
-                f"{row.frequency:.4g}",
-                *(cell for c in (row.cart1, row.cart2) for cell in (_gain_cell(c), _phase_cell(c))),
+                f"{row.frequency / self.units.one('Hz'):.4g}",
+                *(cell for c in (row.cart1, row.cart2) for cell in (_gain_cell(c, one), _phase_cell(c))),
             ]
             for row in self.rows
         ]
@@ -150,15 +153,15 @@ class FrequencyTable:
         lines = [" | ".join(f"{cell:<22}" for cell in cells).rstrip() for cells in (columns, *rows)]
         lines.insert(1, "-" * len(lines[0]))
         lag = "lags of hold and difference removed" if self.corrected else "phases as measured"
-        lines.append(f"u = ±{self.amplitude:.3g} V; ± 95 %; {lag}")
+        lines.append(f"u = ±{self.units.text(self.amplitude, 'V', 3)}; ± 95 %; {lag}")
         return "\n".join(lines + [f"note: {note}" for note in self.notes])
 
 
-def _gain_cell(response: CartResponse | None) -> str:
+def _gain_cell(response: CartResponse | None, one: float) -> str:
     if response is None:
         return "-"
-    half = response.gain_ci[1] - response.gain
-    return f"{response.gain:.4g}" + (f" ± {half:.2g}" if np.isfinite(half) else "")
+    half = (response.gain_ci[1] - response.gain) / one
+    return f"{response.gain / one:.4g}" + (f" ± {half:.2g}" if np.isfinite(half) else "")
 
 
 def _phase_cell(response: CartResponse | None) -> str:
@@ -209,7 +212,7 @@ def measure_frequency_response(
     rows = [_row(run, corrected, notes) for run in long_enough]
     for cart in (1, 2):
         rows = _on_branch(rows, cart, model)
-    return FrequencyTable(tuple(rows), corrected, tuple(notes))
+    return FrequencyTable(tuple(rows), corrected, tuple(notes), long_enough[0].units)
 
 
 def _row(run: Recording, corrected: bool, notes: list[str]) -> FrequencyRow:

@@ -21,6 +21,7 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from flexdrive_gym.recording import BoolArray, FloatArray, Recording
+from flexdrive_gym.units import LAB, Units
 from identification.signals import velocities
 
 # The last 40 % of a half-period: at 0.5 Hz this begins at 0.6 s, six to ten time constants after the reversal.
@@ -100,6 +101,7 @@ class AmplitudeReading:
     n_faulty: int
     steady: bool
     recordings: tuple[str, ...]
+    units: Units = LAB
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,6 +264,7 @@ def _read_amplitude(amplitude: float, runs: list[Recording], alpha: float) -> Am
         n_faulty=n_faulty,
         steady=steady,
         recordings=tuple(run.name for run in runs),
+        units=runs[0].units,
     )
 
 
@@ -325,8 +328,9 @@ def read_vibration(reading: AmplitudeReading, alpha: float) -> VibrationReading:
     places = _successive_extrema(deviation, int(overtakes[0])) if len(overtakes) else []
     if len(places) < 2:
         raise ValueError(
-            f"recordings: v2 at ±{reading.amplitude:g} V must show at least two extrema about its trend to read the "
-            f"damped natural frequency; got {len(places)}. Record both carts of a flexible drive, or longer half-periods."
+            f"recordings: v2 at ±{reading.units.text(reading.amplitude, 'V')} must show at least two extrema about its trend to "
+            f"read the damped natural frequency; got {len(places)}. "
+            "Record both carts of a flexible drive, or longer half-periods."
         )
     peaks = np.array([_vertex(reading.t, deviation, i, round(0.02 / Ts)) for i in places])
     estimates = np.pi / np.diff(peaks[:, 0])

@@ -118,8 +118,8 @@ def time_to_63_percent(u0: float, dT: float, bT: float, p: float) -> float:
     """
     if not (0.0 <= dT < u0 and bT > 0.0 and p > 0.0):
         raise ValueError(
-            f"u0, dT, bT, p: must satisfy 0 <= dT < u0, bT > 0, p > 0; got u0 = {u0:g} V, dT = {dT:g} V, "
-            f"bT = {bT:g} V s/mm, p = {p:g} 1/s. A drive with dT >= u0 does not move: use a larger amplitude."
+            f"u0, dT, bT, p: must satisfy 0 <= dT < u0, bT > 0, p > 0; got u0 = {u0:g}, dT = {dT:g}, "
+            f"bT = {bT:g}, p = {p:g}. A drive with dT >= u0 does not move: use a larger amplitude."
         )
     return (1.0 - log(1.0 + dT / u0)) / p
 
@@ -132,7 +132,8 @@ def steady_state_line(used: Sequence[AmplitudeReading]) -> tuple[float, float, F
     design = np.column_stack([u0, np.ones_like(u0)])
     solve = np.linalg.pinv(design)
     slope, intercept = solve @ vss
-    listed = ", ".join(f"{v:.4g} mm/s at ±{u:g} V" for u, v in zip(u0, vss, strict=True))
+    units = used[0].units
+    listed = ", ".join(f"{units.text(v, 'mm/s')} at ±{units.text(u, 'V')}" for u, v in zip(u0, vss, strict=True))
     if not slope > 0.0:
         raise ValueError(
             f"recordings: the steady velocity must rise with the amplitude for Eq. (5) to give bT > 0; got {listed}. "
@@ -148,8 +149,8 @@ def steady_state_line(used: Sequence[AmplitudeReading]) -> tuple[float, float, F
     spread = 2.0 * sqrt(covariance[1, 1]) if covariance is not None else 0.0
     if dT < -max(_NO_FRICTION * u0[0], spread):
         raise ValueError(
-            f"recordings: Eq. (5) must give dT >= 0; got dT = {dT:.3g} V from {listed}. The amplitudes were recorded under "
-            "different friction, or one file's amplitude is wrong: check u, and record both in turn."
+            f"recordings: Eq. (5) must give dT >= 0; got dT = {units.text(dT, 'V', 3)} from {listed}. The amplitudes "
+            "were recorded under different friction, or one file's amplitude is wrong: check u, and record both in turn."
         )
     return bT, dT, covariance
 
@@ -162,11 +163,12 @@ def read_time_constant(reading: AmplitudeReading, dT: float) -> TimeConstantRead
     ValueError
         If v1 does not rise through the level after the reversal.
     """
-    level = LEVEL_63 * reading.vss
+    level, units = LEVEL_63 * reading.vss, reading.units
     t63 = rise_time(reading.t, reading.v1, level)
     if not t63 > 0.0:
         raise ValueError(
-            f"recordings: v1 at ±{reading.amplitude:g} V must rise through {level:.3g} mm/s after the reversal; got a "
+            f"recordings: v1 at ±{units.text(reading.amplitude, 'V')} must rise through {units.text(level, 'mm/s', 3)} after the "
+            "reversal; got a "
             f"crossing at {1e3 * t63:.3g} ms. Check that v1 belongs to the driven cart and has the sign of u."
         )
     times = [rise_time(half.t, half.v1, level) for half in reading.half_periods]

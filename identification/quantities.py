@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from flexdrive_gym import Drive
+from flexdrive_gym.units import Units
 
 UNITS = {
     "bT": "V s/mm", "b1": "V s/mm", "b2": "V s/mm", "dT": "V", "d1": "V", "d2": "V", "p": "1/s",
@@ -26,7 +27,7 @@ class Quantity:
     Attributes
     ----------
     value, unit
-        In the handout's units.
+        In the handout's units, unless :meth:`of_rig` made them the rig's.
     how
         A few words on the method or reading.
     standard_error
@@ -40,6 +41,19 @@ class Quantity:
     how: str = ""
     standard_error: float | None = None
     ci95: tuple[float, float] | None = None
+
+    def of_rig(self, units: Units) -> Quantity:
+        """Return the quantity as its rig's owner reads it."""
+        if units.lab:
+            return self
+        one = units.one(self.unit)
+        return replace(
+            self,
+            value=self.value / one,
+            unit=units.name(self.unit),
+            standard_error=None if self.standard_error is None else self.standard_error / one,
+            ci95=None if self.ci95 is None else (self.ci95[0] / one, self.ci95[1] / one),
+        )
 
     def __str__(self) -> str:
         text = f"{self.value:.5g} {self.unit}".rstrip()
@@ -80,7 +94,7 @@ def ratios(drive: Drive) -> dict[str, float]:
 def derived_quantities(
     drive: Drive, ties: Mapping[str, float], quantile: float
 ) -> tuple[dict[str, Quantity], dict[str, Quantity]]:
-    """Return quantities and ratios with 95 % intervals by the delta method from the drive's covariance."""
+    """Return quantities and ratios with 95 % intervals: a parameter's is the drive's own, all others by the delta method."""
     centre = {**compute(drive), **ratios(drive)}
     gradient = _gradient(drive, centre, ties)
     result = {}
@@ -95,10 +109,18 @@ def derived_quantities(
             UNITS.get(name, ""),
             "tied" if name in ties else "maximum likelihood" if known else "assumed",
             spread if known else None,
-            (value - quantile * spread, value + quantile * spread) if known and spread is not None else None,
+            _interval(drive, name, value, quantile * spread) if known and spread is not None else None,
         )
     found = {n: q for n, q in result.items() if n not in RATIOS}
     return found, {n: q for n, q in result.items() if n in RATIOS}
+
+
+def _interval(drive: Drive, name: str, value: float, half: float) -> tuple[float, float]:
+    """Return the one interval that there is for a quantity; none of them can be negative."""
+    if name in drive.intervals:
+        low, high = drive.intervals[name]
+        return float(low), float(high)
+    return max(0.0, value - half), value + half
 
 
 def _gradient(drive: Drive, centre: Mapping[str, float], ties: Mapping[str, float]) -> dict[str, np.ndarray]:

@@ -14,6 +14,7 @@ from math import pi
 import numpy as np
 
 from flexdrive_gym import Drive, Provenance, Recording, __version__
+from flexdrive_gym.units import LAB, Units
 from identification.half_periods import (
     STEADY_PART,
     AmplitudeReading,
@@ -85,6 +86,7 @@ class HandoutResult:
     gamma: float
     recordings: tuple[str, ...]
     notes: tuple[str, ...]
+    units: Units = LAB
 
     @property
     def steady(self) -> tuple[AmplitudeReading, ...]:
@@ -109,13 +111,14 @@ class HandoutResult:
         """
         values = {name: self[name] for name in _PARAMETERS}
         provenance = Provenance("handout", self.recordings, __version__, f"p {self.quantities['p'].how}")
-        return Drive({**values, **more}, provenance=provenance, name="handout 3.2")
+        return Drive({**values, **more}, provenance=provenance, name="handout 3.2", units=self.units)
 
     def __str__(self) -> str:
         ratios = f"α = {self.alpha:g}, β = {self.beta:g}, γ = {self.gamma:g}"
         lines = [f"Identification from step responses (handout 3.2): {ratios}", ""]
         lines.append(f"{'quantity':<9}{'value':>11}  {'std. error':>10}  {'unit':<8}  how")
-        for name, q in self.quantities.items():
+        for name, figure in self.quantities.items():
+            q = figure.of_rig(self.units)
             error = f"{q.standard_error:.2g}" if q.standard_error is not None else "-"
             lines.append(f"{name:<9}{q.value:>11.5g}  {error:>10}  {q.unit:<8}  {q.how}")
         lines += ["", *self._readings()]
@@ -123,13 +126,16 @@ class HandoutResult:
 
     def _readings(self) -> list[str]:
         lines = []
+        units = self.units
         for a in self.amplitudes:
-            error = f" ± {a.vss_error:.2g}" if a.vss_error is not None else ""
-            used = f"vss = {a.vss:.4g}{error} mm/s" if a.steady else "does not move steadily, left out"
-            lines.append(f"±{a.amplitude:g} V: {used} ({a.n_averaged} half-periods, runs: {len(a.recordings)})")
+            error = "" if a.vss_error is None else f" ± {units.text(a.vss_error, 'mm/s', 2)}"
+            used = f"vss = {units.text(a.vss, 'mm/s')}{error}" if a.steady else "does not move steadily, left out"
+            lines.append(
+                f"±{units.text(a.amplitude, 'V')}: {used} ({a.n_averaged} half-periods, runs: {len(a.recordings)})"
+            )
         c = self.time_constant
         lines.append(
-            f"63 % reading at ±{c.amplitude:g} V: t63 = {1e3 * c.t63:.3g} ms, p = {c.p_read:.4g} 1/s; corrected for "
+            f"63 % reading at ±{units.text(c.amplitude, 'V')}: t63 = {1e3 * c.t63:.3g} ms, p = {c.p_read:.4g} 1/s; corrected for "
             f"Coulomb friction p = {c.p_corrected:.4g} 1/s, so the reading is {c.bias_percent:.3g} % too large"
         )
         if c.p_consistent is not None:
@@ -138,7 +144,7 @@ class HandoutResult:
                 f"reading is {100.0 * (c.p_read / c.p_consistent - 1.0):.3g} % too large in all"
             )
         peaks = ", ".join(f"{t:.3f}" for t in self.vibration.peak_times)
-        lines.append(f"extrema of v2 at ±{self.vibration.amplitude:g} V: t = {peaks} s")
+        lines.append(f"extrema of v2 at ±{units.text(self.vibration.amplitude, 'V')}: t = {peaks} s")
         return lines
 
 
@@ -175,13 +181,14 @@ def identify_by_handout(
     for name, value in (("alpha", alpha), ("beta", beta), ("gamma", gamma), ("p", p)):
         if value is not None and (not value > 0.0 or not np.isfinite(value)):
             raise ValueError(f"{name}: must be positive; got {value:g}. The handout has 0.54, 0.1, 0.1 and reads p.")
+    units = recordings[0].units if recordings else LAB
     amplitudes = read_amplitudes(recordings, alpha)
     used = [reading for reading in amplitudes if reading.steady]
-    _require_two(used, amplitudes)
+    _require_two(used, amplitudes, units)
     bT, dT, line_covariance = steady_state_line(used)
-    notes = _notes_on_amplitudes(amplitudes)
+    notes = _notes_on_amplitudes(amplitudes, units)
     if dT < 0.0:
-        notes.append(f"dT came out as {dT:.3g} V, zero within its error; taken as 0")
+        notes.append(f"dT came out as {units.text(dT, 'V', 3)}, zero within its error; taken as 0")
         dT = 0.0
     time_constant = read_time_constant(used[-1], dT)
     vibration = read_vibration(_for_vibration(used), alpha)
@@ -203,9 +210,9 @@ def identify_by_handout(
         p_error,
         vibration.standard_error,
     )
-    how = _how(used, time_constant, vibration, p, alpha, beta, gamma)
+    how = _how(used, time_constant, vibration, p, (alpha, beta, gamma), units)
     quantities = {name: Quantity(values[name], UNITS[name], how[name], errors[name]) for name in UNITS}
-    notes += _notes_on_result(amplitudes, quantities, time_constant, vibration, iterations)
+    notes += _notes_on_result(amplitudes, quantities, time_constant, vibration, iterations, units)
     return HandoutResult(
         quantities=quantities,
         amplitudes=amplitudes,
@@ -217,13 +224,16 @@ def identify_by_handout(
         gamma=gamma,
         recordings=tuple(name for reading in used for name in reading.recordings),
         notes=tuple(notes),
+        units=units,
     )
 
 
-def _require_two(used: Sequence[AmplitudeReading], amplitudes: Sequence[AmplitudeReading]) -> None:
+def _require_two(used: Sequence[AmplitudeReading], amplitudes: Sequence[AmplitudeReading], units: Units) -> None:
     if len(used) >= 2:
         return
-    have = ", ".join(f"±{a.amplitude:g} V" + ("" if a.steady else " (stops)") for a in amplitudes) or "none"
+    have = (
+        ", ".join(f"±{units.text(a.amplitude, 'V')}" + ("" if a.steady else " (stops)") for a in amplitudes) or "none"
+    )
     raise ValueError(
         "recordings: Eq. (5) needs square waves of at least two amplitudes at which the carts keep moving for two or more "
         f"reversals; got {have}. Record ±1.5 V and ±2 V at 0.5 Hz, or larger amplitudes where the carts stop."
@@ -241,27 +251,27 @@ def _how(
     time_constant: TimeConstantReading,
     vibration: VibrationReading,
     p: float | None,
-    alpha: float,
-    beta: float,
-    gamma: float,
+    ratios: tuple[float, float, float],
+    units: Units,
 ) -> dict[str, str]:
-    at = ", ".join(f"±{reading.amplitude:g}" for reading in used)
-    line = f"Eq. (5) at {at} V" + (", least squares" if len(used) > 2 else "")
-    read = f"63 % of v1's range at ±{time_constant.amplitude:g} V" if p is None else "given"
+    alpha, beta, gamma = ratios
+    at = ", ".join(f"±{units.text(reading.amplitude, 'V')}" for reading in used)
+    line = f"Eq. (5) at {at}" + (", least squares" if len(used) > 2 else "")
+    read = f"63 % of v1's range at ±{units.text(time_constant.amplitude, 'V')}" if p is None else "given"
     steps = "Steps 1-6"
     return {
         "bT": line, "b1": f"bT/(1 + β), β = {beta:g}", "b2": "β·b1",
         "dT": line, "d1": f"dT/(1 + γ), γ = {gamma:g}", "d2": "γ·d1",
         "p": read, "mT": "bT/p, Eq. (6)", "m1": f"mT/(1 + α), α = {alpha:g}", "m2": "α·m1",
-        "omega_d": f"{len(vibration.estimates)} intervals between extrema of v2 at ±{vibration.amplitude:g} V",
+        "omega_d": f"{len(vibration.estimates)} intervals between extrema of v2 at ±{units.text(vibration.amplitude, 'V')}",
         "k": steps, "zeta": steps, "omega_n": steps, "C": "assumed",
     }  # fmt: skip
 
 
-def _notes_on_amplitudes(amplitudes: Sequence[AmplitudeReading]) -> list[str]:
+def _notes_on_amplitudes(amplitudes: Sequence[AmplitudeReading], units: Units) -> list[str]:
     notes = []
     for a in amplitudes:
-        at = f"±{a.amplitude:g} V"
+        at = f"±{units.text(a.amplitude, 'V')}"
         total = a.n_stopped + (a.n_averaged if a.steady else a.n_averaged - a.n_stopped)
         if not a.steady:
             notes.append(
@@ -281,6 +291,7 @@ def _notes_on_result(
     time_constant: TimeConstantReading,
     vibration: VibrationReading,
     iterations: Sequence[ZetaIteration],
+    units: Units,
 ) -> list[str]:
     notes = []
     bT, dT = quantities["bT"], quantities["dT"]
@@ -291,9 +302,9 @@ def _notes_on_result(
         )
     stops = [a.amplitude for a in amplitudes if not a.steady and a.amplitude > 1.1 * dT.value]
     if stops:
-        listed = ", ".join(f"±{a:g}" for a in stops)
+        listed = ", ".join(f"±{units.text(a, 'V')}" for a in stops)
         notes.append(
-            f"Eq. (5) says the carts move above dT = {dT.value:.3g} V, yet they stop at {listed} V: friction near "
+            f"Eq. (5) says the carts move above dT = {units.text(dT.value, 'V', 3)}, yet they stop at {listed}: friction near "
             "standstill exceeds the line's, or changed between the runs"
         )
     left = float(np.exp(-time_constant.p_corrected * STEADY_PART * vibration.t[-1]))
@@ -306,7 +317,7 @@ def _notes_on_result(
         notes.append(
             "v1 reaches 63 % within a quarter of the vibration's period, when cart 1 still runs ahead of cart 2: the "
             "reading is shorter than the real pole's even after the correction for Coulomb friction, which knows a "
-            "rigid drive only; p= with the simulated p takes both into account"
+            "rigid drive only; pass p=, the real pole for which the simulated v1 rises as the recorded one does (3.3)"
         )
     if time_constant.t63 < _SETTLED:
         notes.append(

@@ -15,7 +15,7 @@ merit per channel y against its simulation ŷ:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import correlate
@@ -24,6 +24,7 @@ from scipy.stats import chi2
 from flexdrive_gym import Drive, PControl, Recording
 from flexdrive_gym.drive.default import HANDOUT_LIMIT_V
 from flexdrive_gym.recording import BoolArray, FloatArray
+from flexdrive_gym.units import LAB, Units
 from identification.floor import measure_floor
 from identification.output_error import BLOCK_S, prepare, simulate_run
 
@@ -61,6 +62,11 @@ class ChannelFit:
     correlated: float
     input_correlation: float
 
+    def of_rig(self, units: Units) -> ChannelFit:
+        """Return the fit as the rig's owner reads it."""
+        one = units.one(self.unit)
+        return replace(self, rms=self.rms / one, floor=self.floor / one, unit=units.name(self.unit))
+
 
 @dataclass(frozen=True, eq=False)
 class Overlay:
@@ -87,17 +93,25 @@ class Validation:
     rms: float
     floor: float
 
+    @property
+    def units(self) -> Units:
+        """The rig's units."""
+        return self.overlays[0].measured.units if self.overlays else LAB
+
     def fits(self) -> tuple[ChannelFit, ...]:
         """Return every channel's fit."""
         return tuple(f for overlay in self.overlays for f in overlay.fits)
 
     def __str__(self) -> str:
+        u = self.units
         lines = [f"{'recording':34s} channel      rms    floor   NRMSE     VAF"]
         lines += [
             f"{f.recording:34s} {f.channel:7s} {f.rms:8.3g} {f.floor:8.3g} {f.nrmse:7.1%} {f.vaf:7.1%}"
-            for f in self.fits()
+            for f in (f.of_rig(u) for f in self.fits())
         ]
-        return "\n".join([*lines, f"all velocities: rms {self.rms:.3g} mm/s, floor {self.floor:.3g} mm/s"])
+        return "\n".join(
+            [*lines, f"all velocities: rms {u.text(self.rms, 'mm/s', 3)}, floor {u.text(self.floor, 'mm/s', 3)}"]
+        )
 
 
 def simulate_like(drive: Drive, recording: Recording) -> Recording:

@@ -22,12 +22,14 @@ def demo(
     from baselines.commands.report import write_report  # noqa: PLC0415
     from baselines.commands.stability import stability  # noqa: PLC0415
     from baselines.sample import FOLDER  # noqa: PLC0415
+    from identification import read_recordings  # noqa: PLC0415
 
     drive, page, folder = output / "drive.toml", output / "report.html", output / "diagnosis"
     if json:
         _quiet_identify(drive)
-        found, _ = write_diagnosis([FOLDER], folder)
-        write_report([FOLDER], page, _TITLE, found)
+        runs = read_recordings(FOLDER)
+        found, _ = write_diagnosis(runs, folder)
+        write_report(runs, page, _TITLE, found)
         print_json(
             {
                 "drive": drive,
@@ -43,13 +45,14 @@ def demo(
     say("and with an effect that no model here is told of.")
     identify([FOLDER], drive, Method.ml)
     stability(drive)
+    runs = read_recordings(FOLDER)
     with progress() as bar:
         task = bar.add_task("diagnosing", total=None)
         found, _ = write_diagnosis(
-            [FOLDER], folder, tell=lambda step: bar.update(task, advance=1, description=f"diagnosing: {step}")
+            runs, folder, tell=lambda step: bar.update(task, advance=1, description=f"diagnosing: {step}")
         )
     print_diagnosis(found)
-    write_report([FOLDER], page, _TITLE, found)
+    write_report(runs, page, _TITLE, found)
     say(f"wrote {page}; the diagnosis by itself is {folder / 'report.html'}")
 
 

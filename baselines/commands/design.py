@@ -18,11 +18,12 @@ def design(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", file_okay=False, help="Folder for design.html, a page with plots.")
     ] = None,
-    crossover: Annotated[float, typer.Option(min=0.1, help="Demanded crossover [rad/s].")] = 25.0,
-    gain_margin: Annotated[float, typer.Option(min=1.0, help="Least gain margin.")] = 2.0,
+    crossover: Annotated[float, typer.Option(min=0.1, max=3000.0, help="Demanded crossover [rad/s].")] = 25.0,
+    gain_margin: Annotated[float, typer.Option(min=1.0, max=1000.0, help="Least gain margin.")] = 2.0,
     phase_margin: Annotated[float, typer.Option(min=1.0, max=89.0, help="Least phase margin [deg].")] = 30.0,
     limit: Annotated[
-        list[float] | None, typer.Option(min=0.1, help="Command limit of the tracking runs [V]; repeatable.")
+        list[float] | None,
+        typer.Option(min=0.1, max=1000.0, help="Command limit of the tracking runs [V]; repeatable."),
     ] = None,
     json: Json = False,
 ) -> None:
@@ -78,6 +79,7 @@ def _as_json(study: Lab4Study) -> dict[str, object]:
 
 
 def _print(study: Lab4Study) -> None:
+    from baselines.compare.tables import LINEAR  # noqa: PLC0415
     from baselines.lab4_study import verdict  # noqa: PLC0415
 
     hand, refined = study.by_hand.table(), study.refined.table()
@@ -104,18 +106,19 @@ def _print(study: Lab4Study) -> None:
         say(sentence)
     table(
         "stages on the sampled linear loop",
-        ["stage", "stable", "crossover [rad/s]", "GM", "PM [deg]", "delay margin [ms]", "disk margin", "peak |S|",
-         "rise [s]", "overshoot [%]", "1 V: peak [mm]", "1 V: final [mm]"],
+        ["stage", "linear loop", "crossover [rad/s]", "GM linear", "PM linear [deg]", "delay linear [ms]", "disk margin",
+         "peak |S|", "rise [s]", "overshoot [%]", "1 V: peak [mm]", "1 V: final [mm]"],
         [
-            [s.name, "yes" if s.margins.stable else "no", number(s.margins.crossover), number(s.margins.gain_margin, 3),
+            [s.name, "stable" if s.margins.stable else "unstable", number(s.margins.crossover), number(s.margins.gain_margin, 3),
              number(s.margins.phase_margin_deg, 3), number(1e3 * s.margins.delay_margin, 3),
              number(s.margins.disk_margin, 2), number(s.margins.sensitivity_peak, 3), number(s.step.rise, 3),
              number(s.step.overshoot, 3), number(s.disturbance.peak, 3), number(round(s.disturbance.final, 3), 3)]
             for s in study.stages
         ],
     )  # fmt: skip
+    say(LINEAR)
     table(
-        "tracking of the handout's trajectory, with friction and encoder counts",
+        "tracking of the handout's trajectory, simulated with friction and encoder counts",
         ["stage", "limit [V]", "rms xr - x2 [mm]", "peak [mm]", "settling [s]", "overshoot [%]", "rms u [V]", "peak u [V]",
          "at the limit", "10 mm step: rise [s]", "overshoot [%]"],
         [

@@ -10,7 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from baselines.commands._command import MOST_SEED, MOST_THREADS
 from baselines.commands._output import Json, Recordings, number, plain, print_faults, print_json, progress, say, table
+from baselines.commands._reading import Only, RigFile, Skip, Strict, read, skipped_json, skipped_lines
+from baselines.commands._results import Force, interrupted_says, result_folder
 
 if TYPE_CHECKING:
     from flexdrive_gym import Recording
@@ -18,6 +21,8 @@ if TYPE_CHECKING:
     from identification.mismatch.verdict import Diagnosis
 
 
+# nothing of a search is worth keeping before its validation
+_KEPT = "nothing of this diagnosis is kept, and {} is as it was. The same command begins again."
 _FEWEST_S, _ONE_IS_ENOUGH_S = 5.0, 10.0
 
 
@@ -26,32 +31,54 @@ def diagnose(
     output: Annotated[Path, typer.Option("--output", "-o", file_okay=False, help="Folder for the results.")] = Path(
         "diagnosis"
     ),
-    seed: Annotated[int, typer.Option(min=0, help="Of null draws and resampling; the same seed, the same answer.")] = 0,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Threads; the answer does not change.")] = None,
+    seed: Annotated[
+        int, typer.Option(min=0, max=MOST_SEED, help="Of null draws and resampling; the same seed, the same answer.")
+    ] = 0,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, max=MOST_THREADS, help="Threads; the answer does not change.")
+    ] = None,
     suggest: Annotated[
         bool,
         typer.Option("--suggest", help="Also write the experiments that would separate what cannot be told apart."),
     ] = False,
+    rig: RigFile = None,
+    strict: Strict = False,
+    only: Only = None,
+    skip: Skip = None,
+    force: Force = False,
     json: Json = False,
 ) -> None:
     """Locate, name, model and prove the physics that simulation and recordings disagree about."""
-    with progress() as bar:
+    from identification import check  # noqa: PLC0415
+
+    with (
+        interrupted_says(lambda: _KEPT.format(output)),
+        result_folder(output, "diagnosis.json", force=force),
+        progress() as bar,
+    ):
         task = bar.add_task("reading recordings", total=None)
 
         def tell(step: str) -> None:
             bar.update(task, advance=1, description=step)
 
+        runs = read(recordings, rig, strict, only, skip)
+        require_enough(runs)
+        tell("checking")
+        checked = check(runs, folders=recordings, threads=jobs)
         found, suggestions = write_diagnosis(
-            recordings,
+            runs,
             output,
+            remarks=checked.remarks(),
             seed=seed,
             jobs=jobs,
             suggest=suggest,
             tell=tell,
         )
     if json:
-        print_json(_content(found, suggestions if suggest else None))
+        print_json(_content(found, suggestions if suggest else None, runs))
         return
+    for line in skipped_lines(runs):
+        say(line)
     print_diagnosis(found)
     if suggest:
         print_suggestions(suggestions, output)
@@ -59,30 +86,31 @@ def diagnose(
 
 
 def write_diagnosis(
-    recordings: list[Path],
+    runs: Sequence[Recording],
     output: Path,
     *,
     seed: int = 0,
     jobs: int | None = None,
     suggest: bool = False,
     title: str = "Diagnosis of a flexible drive",
+    remarks: Sequence[str] = (),
     tell: Callable[[str], None] = lambda _: None,
 ) -> tuple[Diagnosis, tuple[Suggestion, ...]]:
-    """Diagnose, and write diagnosis.json, drive.toml and report.html, all or none; return what was found."""
+    """Diagnose, and write diagnosis.json, drive.toml and report.html, all or none; return what was found.
+
+    ``remarks`` on the recordings come before the notes of the diagnosis.
+    """
     from baselines.predictions import predictions  # noqa: PLC0415
     from baselines.report.diagnosis import build_diagnosis  # noqa: PLC0415
     from flexdrive_gym import save_drive  # noqa: PLC0415
     from flexdrive_gym.files import write_together  # noqa: PLC0415
     from identification import diagnose as run  # noqa: PLC0415
-    from identification import read_recordings  # noqa: PLC0415
     from identification.mismatch.suggest import suggest_experiments, write_suggestions  # noqa: PLC0415
 
-    tell("reading recordings")
-    runs = read_recordings(recordings)
     require_enough(runs)
     found = run(runs, seed=seed, jobs=jobs, say=tell)
     tell("predicting")
-    found = replace(found, predictions=predictions(found))
+    found = replace(found, predictions=predictions(found), notes=(*remarks, *found.notes))
     suggestions: tuple[Suggestion, ...] = ()
     if suggest:
         tell("looking for experiments")
@@ -91,7 +119,9 @@ def write_diagnosis(
     page = build_diagnosis(found, title=title, suggestions=suggestions, jobs=jobs)
 
     def write(folder: Path) -> None:
-        text = encoder.dumps(plain(_content(found, suggestions if suggest else None)), ensure_ascii=False, indent=1)
+        text = encoder.dumps(
+            plain(_content(found, suggestions if suggest else None, runs)), ensure_ascii=False, indent=1
+        )
         (folder / "diagnosis.json").write_text(text + "\n", encoding="utf-8")
         (folder / "report.html").write_text(page, encoding="utf-8")
         save_drive(found.drive, folder / "drive.toml")
@@ -115,7 +145,7 @@ def require_enough(runs: Sequence[Recording]) -> None:
         rule = f"a diagnosis needs at least {_FEWEST_S:g} s of recordings"
     elif len(runs) > 1 or seconds >= _ONE_IS_ENOUGH_S:
         return
-    kinds = "; ".join(sorted({str(r.excitation) for r in runs}))
+    kinds = "; ".join(sorted({r.excitation.text(r.units) for r in runs}))
     raise ValueError(
         f"recordings: {rule}; got {len(runs)} of {seconds:.1f} s in all ({kinds}). Record squares of ±1.5 V and ±2 V at 0.5 Hz "
         "and sines of ±2.5 V from 0.5 to 5 Hz next (handout 2.5, 2.6), or, where the loop cannot be opened, one run of at least "
@@ -123,8 +153,10 @@ def require_enough(runs: Sequence[Recording]) -> None:
     )
 
 
-def _content(found: Diagnosis, suggestions: tuple[Suggestion, ...] | None) -> Mapping[str, object]:
-    content = found.as_json()
+def _content(
+    found: Diagnosis, suggestions: tuple[Suggestion, ...] | None, runs: Sequence[Recording]
+) -> Mapping[str, object]:
+    content = found.as_json() | {"skipped": skipped_json(runs)}
     if suggestions is not None:
         content["suggestions"] = [s.as_json() for s in suggestions]
     return content
@@ -143,7 +175,8 @@ def print_diagnosis(found: Diagnosis) -> None:
             say(f"  {line}")
     if found.unnamed is not None:
         nearest = ", ".join(f"{words.effect_name(n)} ({s:.0%} alike)" for n, s in found.unnamed.nearest)
-        say(f"unnamed, nearest names: {nearest or 'none'}")
+        if nearest:
+            say(f"nearest to what has no name: {nearest}")
     print_faults("sensor faults, left out", found.faults)
     for line in words.ratio_sentences(found):
         say(line)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from baselines.commands._output import DriveFile, Json, Recordings, number, print_json, progress, say, table
+from baselines.commands._reading import Only, RigFile, Skip, Strict, read, skipped_json, skipped_lines
 
 if TYPE_CHECKING:
     from flexdrive_gym import Drive
@@ -22,37 +23,47 @@ def validate(
         Path | None,
         typer.Option("--output", "-o", file_okay=False, help="Folder for overlays and Bode plots (PNG)."),
     ] = None,
+    rig: RigFile = None,
+    strict: Strict = False,
+    only: Only = None,
+    skip: Skip = None,
     json: Json = False,
 ) -> None:
     """Compare a drive with recordings (3.3, 3.4): fit per recording against the floor, frequency response, overlays."""
     from flexdrive_gym import load_drive  # noqa: PLC0415
-    from identification import read_recordings  # noqa: PLC0415
     from identification import validate as run  # noqa: PLC0415
     from identification.frequency_response import measure_frequency_response  # noqa: PLC0415
 
-    rig = load_drive(drive)
+    model = load_drive(drive)
     with progress() as bar:
         task = bar.add_task("reading recordings", total=2)
-        runs = read_recordings(recordings)
+        runs = read(recordings, rig, strict, only, skip, units=model.units)
         bar.update(task, advance=1, description="simulating")
-        result = run(rig, runs)
+        result = run(model, runs)
         bar.advance(task)
     sines = [r for r in runs if r.excitation.kind == "sine"]
     response = measure_frequency_response(sines) if sines else None
-    files = [] if output is None else _write_figures(output, rig, result, response)
+    files = [] if output is None else _write_figures(output, model, result, response)
+    units, fits = model.units, [f.of_rig(model.units) for f in result.fits()]
+    speed = units.one("mm/s")
     if json:
         print_json(
             {
-                "rms_mm_s": result.rms,
-                "floor_mm_s": result.floor,
-                "per_recording": result.fits(),
+                "rms": result.rms / speed,
+                "floor": result.floor / speed,
+                "unit": units.name("mm/s"),
+                **({"rms_mm_s": result.rms, "floor_mm_s": result.floor} if units.lab else {}),
+                "per_recording": fits,
                 "frequency_response": None if response is None else response.rows,
                 "files": files,
+                "skipped": skipped_json(runs),
             }
         )
         return
+    for line in skipped_lines(runs):
+        say(line)
     table(
-        f"{rig.name} against {len(runs)} recordings",
+        f"{model.name} against {len(runs)} recordings",
         ["recording", "channel", "rms", "floor", "unit", "NRMSE fit", "VAF"],
         [
             [
@@ -64,10 +75,11 @@ def validate(
                 _percent(f.nrmse),
                 _percent(f.vaf),
             ]
-            for f in result.fits()
+            for f in fits
         ],
     )
-    say(f"all velocities: rms {result.rms:.2f} mm/s, floor {result.floor:.2f} mm/s")
+    rms, floor = (units.text(v, "mm/s", 3) for v in (result.rms, result.floor))
+    say(f"all velocities: rms {rms}, floor {floor}")
     if response is not None:
         columns, rows = response.as_table()
         table("frequency response (3.4)", columns, rows)

@@ -34,6 +34,8 @@ class PControlMeasures:
         Whether the vibration grows.
     saturated
         Share of samples with the command at its limit.
+    simulated
+        Whether the run is a simulation, not a recording of a rig.
     """
 
     name: str
@@ -45,6 +47,7 @@ class PControlMeasures:
     vibration: float
     unstable: bool
     saturated: float
+    simulated: bool = False
 
 
 def measure_p_control(run: Recording) -> PControlMeasures:
@@ -74,6 +77,7 @@ def measure_p_control(run: Recording) -> PControlMeasures:
         max(swing, default=float("nan")),
         grows(run),
         float(np.mean(np.abs(run.u) > 0.999 * limit)),
+        run.source == "simulated",
     )
 
 
@@ -131,8 +135,8 @@ def collocation(measures: Sequence[PControlMeasures], drive: Drive) -> list[str]
     slack = drive["d2"] / drive["k"] if drive["k"] > 0.0 else float("nan")
     answer.append(
         f"Disadvantage: accuracy of m2. The loop does not see the spring, so x2 may rest anywhere within "
-        f"±d2/k = ±{slack:.1f} mm of x1 and rings with the bare drive's damping; the measured error of x2 in the dwells is "
-        f"{m.dwell_error:.1f} mm."
+        f"±d2/k = ±{slack:.1f} mm of x1 and rings with the bare drive's damping; the "
+        f"{'simulated' if m.simulated else 'measured'} error of x2 in the dwells is {m.dwell_error:.1f} mm."
     )
     return answer
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 from math import pi
 
 from baselines.experiments import stability_experiments
-from baselines.report import discussion
+from baselines.report import discussion, words
 from baselines.report.fault_table import add_faults, shaded
 from baselines.report.findings import Findings
 from baselines.report.page import Section
@@ -33,10 +33,13 @@ def measured_limit(observed: ObservedLimit) -> str:
 def faults(found: Findings) -> Section:
     """List the data faults."""
     section = Section("Sensor faults", "faults")
+    section.folded = True
     shown = gathered([f for r in found.recordings for f in r.faults])
     if shown:
+        section.title = f"Sensor faults: {len(shown)} in {len({f.recording for f in shown})} recordings"
         section.text(
-            "These samples are data faults, not physics: they are shaded in the plots and left out of every fit."
+            "These samples are data faults, not physics: they are shaded in the plots and left out of every fit. (The command at "
+            "its limit is listed and shaded too, and kept.)"
         )
         add_faults(section, shown)
     else:
@@ -71,13 +74,11 @@ def p_control_section(found: Findings) -> Section:
         ]
     order = sorted(runs, key=lambda r: (r.excitation.feedback == "x1", r.excitation.gain or 0.0))
     measures = [discussion.measure_p_control(r) for r in order]
-    for r, m in zip(order, measures, strict=True):
-        kind = "collocated" if m.feedback == "x1" else "non-collocated"
-        state = "unstable" if m.unstable else "stable"
-        section.figure(
-            plot_recording(r),
-            f"{r.name}: {kind} P-control, Kp = {m.gain:.4g} V/mm, {state}.{shaded(r)}",
-        )
+    section.heading("What is the effect of changing the P-control gain in non-collocated control?")
+    section.items(discussion.effect_of_gain(measures, drive, found.limits.get("x2")))
+    section.heading("What are the advantages and disadvantages of collocated control?")
+    section.items(discussion.collocation(measures, drive))
+    section.heading("The runs")
     section.table(
         ("run", "feedback", "Kp [V/mm]", "rms e [mm]", "peak |e| [mm]", "|e| in dwells [mm]", "x2 swing in dwells [mm]", "grows"),
         [
@@ -86,10 +87,13 @@ def p_control_section(found: Findings) -> Section:
             for m in measures
         ],
     )  # fmt: skip
-    section.heading("What is the effect of changing the P-control gain in non-collocated control?")
-    section.items(discussion.effect_of_gain(measures, drive, found.limits.get("x2")))
-    section.heading("What are the advantages and disadvantages of collocated control?")
-    section.items(discussion.collocation(measures, drive))
+    for r, m in zip(order, measures, strict=True):
+        kind = "collocated" if m.feedback == "x1" else "non-collocated"
+        state = "unstable" if m.unstable else "stable"
+        section.figure(
+            plot_recording(r),
+            f"{r.name}: {kind} P-control, Kp = {m.gain:.4g} V/mm, {state}.{shaded(r)}",
+        )
     return section
 
 
@@ -162,15 +166,24 @@ def _quantity_rows(found: Findings) -> list[tuple[str, ...]]:
     return rows
 
 
-def identification(found: Findings) -> Section:
-    """Show the quantities (3.2) and how each was found."""
-    from identification import plots  # noqa: PLC0415
-
-    section = Section("Identification (3.2)", "identification")
+def values(found: Findings) -> Section:
+    """Show the quantities of 3.5 by every method."""
+    section = Section("Identified values", "values")
     section.table(
         ("quantity", "unit", "handout 3.2", "ML, handout's ratios", "ML, free", "95 % interval (free)"),
         _quantity_rows(found),
     )
+    section.text(
+        "ML: maximum likelihood from all open-loop recordings, with α, β, γ held at the handout's values or estimated too."
+    )
+    return section
+
+
+def identification(found: Findings) -> Section:
+    """Show how each quantity was found (3.2)."""
+    from identification import plots  # noqa: PLC0415
+
+    section = Section("Identification (3.2)", "identification")
     if isinstance(found.handout, str):
         section.text(f"The handout's method cannot be applied: {found.handout}")
     else:
@@ -192,11 +205,17 @@ def identification(found: Findings) -> Section:
     section.heading("Maximum likelihood: all open-loop recordings jointly")
     section.text(
         f"Output error on v1 and v2 with exact stick–slip friction: rms {fit.rms:.2f} mm/s over {fit.samples} samples. "
-        f"The residuals are coloured, so these are worth {fit.effective_samples:.0f} independent ones; the intervals say so."
+        f"Successive residuals are correlated, so these tell as much as {fit.effective_samples:.0f} independent ones; the "
+        "intervals take account of it."
     )
-    section.items(
-        [f"start “{name}”: negative log-likelihood {cost:.0f}" for name, cost in fit.starts.items()] + list(fit.notes)
+    # the last search alone saw all recordings, so its likelihood cannot be compared with the others'
+    begun = {name: cost for name, cost in fit.starts.items() if not name.endswith(", refined")}
+    best = min(begun, key=lambda name: begun[name])
+    section.text(
+        f"The likelihood may have several minima. {len(begun)} searches therefore began from as many starting points, on a part "
+        f"of the recordings; the best of them, from “{best}”, was continued on all recordings and gives the values above."
     )
+    section.items(list(fit.notes))
     return section
 
 
@@ -218,18 +237,19 @@ def time_domain(found: Findings) -> Section:
     for overlay in _one_per_amplitude(found.validation):
         section.figure(plot_validation(overlay.measured, overlay.simulated), _overlay_caption(overlay))
     section.items(discussion.time_domain_observations(found.validation, found.likely.drive))
-    section.heading("Fit of every recording")
+    fits = sorted(found.validation.fits(), key=lambda f: (words.by_number(f.recording), f.channel))
     section.table(
         ("recording", "channel", "rms", "floor", "unit", "NRMSE fit", "VAF", "autocorrelated", "input correlation"),
         [
             (f.recording, f.channel, _cell(f.rms), _cell(f.floor), f.unit, _cell(f.nrmse, "%"), _cell(f.vaf, "%"),
              _cell(f.correlated, "%"), _cell(f.input_correlation))
-            for f in found.validation.fits()
+            for f in fits
         ],
+        folded=f"Fit of every recording: {len(fits)} rows",
     )  # fmt: skip
     section.text(
-        "Floor: what does not repeat between periods or replicates. Autocorrelated: share of lags outside the 99 % band of "
-        "white noise. Input correlation: above 1, the command's past still explains part of the residual."
+        "In the table, autocorrelated is the share of lags at which the residual's autocorrelation leaves the 99 % band of white "
+        "noise. An input correlation above 1 says that the command's past still explains part of the residual."
     )
     p_runs = [o for o in found.validation.overlays if o.measured.closed_loop and o.fits]
     if p_runs:

@@ -8,6 +8,7 @@ from baselines.report import control_plots as plots
 from baselines.report.discussion import measure_p_control
 from baselines.report.page import Section, render
 from baselines.stability_study import StabilityStudy
+from baselines.uncertainty import interval_in_words, reasons
 from flexdrive_gym import Recording, __version__
 from identification.plots import plot_pole_zero, plot_recording
 
@@ -22,11 +23,13 @@ _TITLES = {
 def build_stability_page(study: StabilityStudy) -> str:
     """Return the page as HTML: limits, root loci, pole-zero maps, the four runs with and without friction."""
     sections = [_limits(study)]
+    if any(p.draws for p in study.predicted.values()):
+        sections.append(_intervals(study))
     if study.drive.carts == 2:
         sections += [_theory(study), _amplitude(study)]
-    sections.append(_runs(study.runs, "Experiments 2.1–2.4", "runs"))
+    sections.append(_runs(study, study.runs, "Experiments 2.1–2.4, simulated", "runs"))
     if study.runs_without_friction:
-        sections.append(_runs(study.runs_without_friction, "The same without Coulomb friction", "smooth"))
+        sections.append(_runs(study, study.runs_without_friction, "The same without Coulomb friction", "smooth"))
     return render(
         title=f"Stability limit of {study.drive.name}",
         subtitle="P-control from x1 and from x2, handout 2.1–2.4",
@@ -49,15 +52,39 @@ def _limits(study: StabilityStudy) -> Section:
     ]  # fmt: skip
     at = next(iter(study.limits.values())).at_gain
     section.table(
-        ("feedback", "Routh [V/mm]", "gain margin [V/mm]", "simulated, one move [V/mm]", "vibration [rad/s]",
-         f"PM at {at:g} V/mm [deg]"),
+        ("feedback", "critical gain by Routh, linear [V/mm]", "by the gain margin, linear [V/mm]",
+         "simulated with friction, one move [V/mm]", "vibration, linear [rad/s]", f"PM linear at {at:g} V/mm [deg]"),
         rows,
     )  # fmt: skip
+    section.text(
+        "Linear: of the continuous loop without friction; the gain margin at 1 V/mm is the critical gain. Simulated with "
+        "friction, counts and limit: the least gain at which x2 swings more than 25 mm in the last six of twelve seconds "
+        "after one move."
+    )
     if study.drive.carts == 2:
         section.table(
-            ("as a student finds it, from x2", "critical gain [V/mm]"),
+            ("as a student finds it, from x2, simulated", "critical gain [V/mm]"),
             [("with friction", _cell(study.student)), ("without friction", _cell(study.student_without_friction))],
         )
+    return section
+
+
+def _intervals(study: StabilityStudy) -> Section:
+    section = Section("What another run of this rig may do", "intervals")
+    drawn = [p for p in study.predicted.values() if p.draws]
+    section.text(
+        f"Every figure was computed on {drawn[0].draws} drives drawn from the covariance over recordings and from the "
+        "friction that differs between runs. The interval holds 95 % of them."
+    )
+    section.table(
+        ("figure", "of the drive", "median", "95 % interval", "unit", "extrapolated"),
+        [
+            (p.name, _cell(p.value), _cell(p.median), interval_in_words(p), p.unit, "yes" if p.extrapolated else "no")
+            for p in drawn
+        ],
+    )
+    for sentence in reasons(drawn):
+        section.text(sentence)
     return section
 
 
@@ -99,7 +126,12 @@ def _amplitude(study: StabilityStudy) -> Section:
     return section
 
 
-def _runs(runs: Mapping[str, Recording], title: str, anchor: str) -> Section:
+def _linearly(study: StabilityStudy, feedback: str, gain: float) -> str:
+    limit = study.limits[feedback].critical_gain_linear if feedback in study.limits else None
+    return "stable" if limit is None or gain < limit else "unstable"
+
+
+def _runs(study: StabilityStudy, runs: Mapping[str, Recording], title: str, anchor: str) -> Section:
     section = Section(title, anchor)
     rows = []
     for number, run in runs.items():
@@ -107,12 +139,13 @@ def _runs(runs: Mapping[str, Recording], title: str, anchor: str) -> Section:
             m = measure_p_control(run)
             rows.append(
                 (number, _TITLES[number], m.feedback, f"{m.gain:.4g}", f"{m.error_rms:.2f}", f"{m.error_peak:.1f}",
-                 f"{m.dwell_error:.2f}", f"{m.vibration:.2f}", "yes" if m.unstable else "no")
+                 f"{m.dwell_error:.2f}", f"{m.vibration:.2f}", _linearly(study, m.feedback, m.gain),
+                 "yes" if m.unstable else "no")
             )  # fmt: skip
     if rows:
         section.table(
             ("section", "case", "feedback", "Kp [V/mm]", "rms e [mm]", "peak |e| [mm]", "|e| in dwells [mm]",
-             "x2 swing in dwells [mm]", "grows"),
+             "x2 swing in dwells [mm]", "linear loop", "simulated: grows"),
             rows,
         )  # fmt: skip
     for number, run in runs.items():

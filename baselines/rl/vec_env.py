@@ -91,7 +91,7 @@ class FlexDriveVecEnv(VecEnv):
 
     def restore(self, kept: dict[str, np.ndarray]) -> None:
         """Go on where drives of the same arguments were when :meth:`keep` was called."""
-        self.batch.fleet.restore(kept)
+        self.batch.restore(kept)
         self._returns, self._lengths, self._seen = (kept[name].copy() for name in ("returns", "lengths", "seen"))
 
     def close(self) -> None:

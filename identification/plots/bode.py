@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.ticker import MultipleLocator
 
+from flexdrive_gym.units import LAB, Units
 from identification.frequency_response import response_with_friction, theoretical_response
 from identification.plots import style
 from identification.plots.style import new_figure, styled
@@ -58,9 +59,11 @@ def plot_bode(
         if amplitude is None and table is not None:
             amplitude = table.amplitude
         friction = response_with_friction(drive, theory.omega, amplitude or 0.0)
+    units = table.units if table is not None else LAB if drive is None else drive.units
+    label = f"with Coulomb friction at ±{units.text(amplitude or 0.0, 'V', 3)} (describing function)"
     return (
-        _bode_of_cart(1, theory, table, friction, amplitude),
-        _bode_of_cart(2, theory, table, friction, amplitude),
+        _bode_of_cart(1, theory, table, friction, label, units),
+        _bode_of_cart(2, theory, table, friction, label, units),
     )
 
 
@@ -69,26 +72,27 @@ def _bode_of_cart(
     theory: Response,
     table: FrequencyTable | None,
     friction: Response | None,
-    amplitude: float | None,
+    label: str,
+    units: Units,
 ) -> Figure:
     figure = new_figure(5.0)
     gain, phase = figure.subplots(2, 1, sharex=True)
     colour = style.CART[cart]
-    gain.plot(theory.omega, theory.gain(cart), color=colour, label=f"$sG_{cart}$, Eq. (7)")
+    one = units.one("mm/s/V")
+    gain.plot(theory.omega, theory.gain(cart) / one, color=colour, label=f"$sG_{cart}$, Eq. (7)")
     phase.plot(theory.omega, theory.phase(cart), color=colour)
     if friction is not None:
         moving = friction.gain(cart) > 0.0
-        label = f"with Coulomb friction at ±{amplitude:.3g} V (describing function)"
-        gain.plot(friction.omega, _gaps(friction.gain(cart), moving), "--", color=style.COMMAND, label=label)
+        gain.plot(friction.omega, _gaps(friction.gain(cart) / one, moving), "--", color=style.COMMAND, label=label)
         phase.plot(friction.omega, friction.phase(cart), "--", color=style.COMMAND)
     if table is not None:
-        _points(gain, phase, table, cart)
+        _points(gain, phase, table, cart, one)
     gain.set_xscale("log")
     gain.set_yscale("log")
     gain.set_xlim(1e-1, 1e3)
-    gain.set_ylim(*_gain_limits(theory.gain(cart), table, cart))
+    gain.set_ylim(*(limit / one for limit in _gain_limits(theory.gain(cart), table, cart)))
     gain.set_title(f"Velocity of cart {cart}", loc="left")
-    gain.set_ylabel(f"gain $v_{cart}/u$ [(mm/s)/V]")
+    gain.set_ylabel(units.name(f"gain $v_{cart}/u$ [(mm/s)/V]"))
     gain.legend(loc="lower left")
     phase.yaxis.set_major_locator(MultipleLocator(45.0 if cart == 1 else 90.0))
     phase.set_xlabel("frequency [rad/s]")
@@ -110,7 +114,7 @@ def _gain_limits(theory: FloatArray, table: FrequencyTable | None, cart: int) ->
     return 0.6 * float(everything[everything > 0.0].min()), 2.0 * float(everything.max())
 
 
-def _points(gain: Axes, phase: Axes, table: FrequencyTable, cart: int) -> None:
+def _points(gain: Axes, phase: Axes, table: FrequencyTable, cart: int, one: float) -> None:
     known: list[tuple[float, CartResponse]] = []
     flagged: list[tuple[float, CartResponse]] = []
     for row in table.rows:
@@ -128,15 +132,15 @@ def _points(gain: Axes, phase: Axes, table: FrequencyTable, cart: int) -> None:
         }
         gain.errorbar(
             omega,
-            [cell.gain for _, cell in known],
-            yerr=_bars([cell.gain for _, cell in known], [cell.gain_ci for _, cell in known]),
+            [cell.gain / one for _, cell in known],
+            yerr=_bars([cell.gain for _, cell in known], [cell.gain_ci for _, cell in known]) / one,
             label="measured, 95 %",
             **style_of_points,
         )
         phases = [cell.phase_deg or 0.0 for _, cell in known]
         intervals = [cell.phase_ci or (0.0, 0.0) for _, cell in known]
         phase.errorbar(omega, phases, yerr=_bars(phases, intervals), **style_of_points)
-    visible = [(w, cell.gain) for w, cell in flagged if cell.gain > 0.0]
+    visible = [(w, cell.gain / one) for w, cell in flagged if cell.gain > 0.0]
     if visible:
         gain.plot(
             *zip(*visible, strict=True),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
     from flexdrive_gym import Recording
     from flexdrive_gym.recording import FloatArray
+    from flexdrive_gym.units import Units
     from identification.frequency_response import FrequencyRow
 
 # periods of each sine that are shown, from the end of the run
@@ -48,6 +50,7 @@ def plot_recording(recording: Recording) -> Figure:
     -------
     matplotlib.figure.Figure
     """
+    recording = recording.in_rig_units()
     if recording.xr is not None and recording.x1 is not None:
         return _closed_loop(recording)
     figure = new_figure(4.0)
@@ -57,8 +60,8 @@ def plot_recording(recording: Recording) -> Figure:
     _command(bottom, recording)
     shade_faults(top, recording, "encoder_1", "encoder_2")
     shade_faults(bottom, recording, "actuator")
-    top.set_ylabel("velocity [mm/s]")
-    heading(figure, f"{recording.name}: {recording.excitation}")
+    top.set_ylabel(recording.units.name("velocity [mm/s]"))
+    heading(figure, f"{recording.name}: {recording.excitation.text(recording.units)}")
     legend_above(top)
     return figure
 
@@ -66,7 +69,7 @@ def plot_recording(recording: Recording) -> Figure:
 def _command(axes: Axes, recording: Recording) -> None:
     # the command is held over each sample
     axes.step(recording.t, recording.u, where="post", color=style.COMMAND, linewidth=1.0)
-    axes.set_ylabel("command $u$ [V]")
+    axes.set_ylabel(recording.units.name("command $u$ [V]"))
     axes.set_xlabel("time $t$ [s]")
     axes.set_xlim(float(recording.t[0]), float(recording.t[-1]))
 
@@ -80,14 +83,14 @@ def _closed_loop(recording: Recording) -> Figure:
         axes.plot(t, xr, color=style.REFERENCE, linestyle="--", linewidth=1.0, label="reference $x_r$")
         if x is not None:
             axes.plot(t, x, color=style.CART[cart], label=f"cart {cart}, $x_{cart}$")
-        axes.set_ylabel("position [mm]")
+        axes.set_ylabel(recording.units.name("position [mm]"))
     followed, name, colour = (
         (recording.x2, "x_2", style.CART[2]) if recording.x2 is not None else (recording.x1, "x_1", style.CART[1])
     )
     assert followed is not None
     error.plot(t, xr - followed, color=colour)
     error.axhline(0.0, color=style.REFERENCE, linewidth=0.8)
-    error.set_ylabel(f"error $x_r - {name}$ [mm]")
+    error.set_ylabel(recording.units.name(f"error $x_r - {name}$ [mm]"))
     _command(command, recording)
     behind = (
         (first, "encoder_1"),
@@ -99,7 +102,7 @@ def _closed_loop(recording: Recording) -> Figure:
         shade_faults(axes, recording, place)
     for axes in (first, second, command):
         legend_above(axes)
-    heading(figure, f"{recording.name}: {recording.excitation}")
+    heading(figure, f"{recording.name}: {recording.excitation.text(recording.units)}")
     return figure
 
 
@@ -132,9 +135,9 @@ def _lag(row: FrequencyRow) -> str:
     return f"cart 2 lags cart 1 by {first.phase_deg - second.phase_deg:.0f}°"
 
 
-def _amplitudes(row: FrequencyRow) -> str:
+def _amplitudes(row: FrequencyRow, units: Units) -> str:
     cells = ((1, row.cart1), (2, row.cart2))
-    return ", ".join(f"v{i} {cell.fit.amplitude:.3g} mm/s" for i, cell in cells if cell is not None)
+    return ", ".join(f"v{i} {units.text(cell.fit.amplitude, 'mm/s', 3)}" for i, cell in cells if cell is not None)
 
 
 def caption_of_sines(recordings: Sequence[Recording], *, natural_frequency: float | None = None) -> str:
@@ -142,7 +145,9 @@ def caption_of_sines(recordings: Sequence[Recording], *, natural_frequency: floa
     rows, resonance = _select(measure_frequency_response(recordings).rows, natural_frequency)
     source = "identified" if natural_frequency is not None else "read off the peak of the gain"
     lines = [f"Natural frequency {resonance:.3g} Hz ({2.0 * np.pi * resonance:.3g} rad/s, {source})."]
-    lines += [f"{row.frequency:.3g} Hz: amplitudes {_amplitudes(row)}; {_lag(row)}." for row in rows]
+    lines += [
+        f"{row.frequency:.3g} Hz: amplitudes {_amplitudes(row, recordings[0].units)}; {_lag(row)}." for row in rows
+    ]
     return "\n".join(lines)
 
 
@@ -163,7 +168,8 @@ def plot_sines(recordings: Sequence[Recording], *, natural_frequency: float | No
         Its caption is :func:`caption_of_sines`.
     """
     rows, _ = _select(measure_frequency_response(recordings).rows, natural_frequency)
-    runs = {recording.name: recording for recording in recordings}
+    runs = {recording.name: recording.in_rig_units() for recording in recordings}
+    one = recordings[0].units.one("Hz")
     figure = new_figure(4.6)
     grid = figure.subplots(2, len(rows), sharey="row", squeeze=False, height_ratios=[2.2, 1.0])
     for (top, bottom), row in zip(grid.T, rows, strict=True):
@@ -174,13 +180,13 @@ def plot_sines(recordings: Sequence[Recording], *, natural_frequency: float | No
         shade_faults(top, run, "encoder_1", "encoder_2")
         shade_faults(bottom, run, "actuator")
         for axes in (top, bottom):
-            axes.set_xlim(float(run.t[-1]) - _SHOWN_PERIODS / row.frequency, float(run.t[-1]))
+            axes.set_xlim(float(run.t[-1]) - _SHOWN_PERIODS * one / row.frequency, float(run.t[-1]))
             axes.locator_params(axis="x", nbins=3)
             axes.label_outer(remove_inner_ticks=False)
         top.tick_params(labelbottom=False)
-        top.set_title(f"{row.frequency:.3g} Hz", loc="left")
+        top.set_title(f"{row.frequency / one:.3g} Hz", loc="left")
         bottom.set_xlabel("time $t$ [s]")
-    grid[0, 0].set_ylabel("velocity [mm/s]")
+    grid[0, 0].set_ylabel(recordings[0].units.name("velocity [mm/s]"))
     grid[0, -1].legend(loc="upper right")  # the fastest sine moves least and leaves room
     return figure
 
@@ -211,6 +217,8 @@ def plot_validation(measured: Recording, simulated: Recording, *, title: str = "
     matplotlib.figure.Figure
     """
     figure = new_figure(5.2)
+    simulated = replace(simulated, units=measured.units).in_rig_units()
+    measured = measured.in_rig_units()
     positions = measured.closed_loop and measured.x1 is not None and simulated.x1 is not None
     both = list(zip(*(_signals(run, positions=positions) for run in (measured, simulated)), strict=False))
     panels = figure.subplots(len(both) + 1, 1, sharex=True, height_ratios=[*[2.0] * len(both), 1.0])
@@ -230,12 +238,13 @@ def plot_validation(measured: Recording, simulated: Recording, *, title: str = "
             label="simulated",
         )
         shade_faults(axes, measured, f"encoder_{cart}")
-        axes.set_ylabel(f"position $x_{cart}$ [mm]" if positions else f"velocity $v_{cart}$ [mm/s]")
+        label = f"position $x_{cart}$ [mm]" if positions else f"velocity $v_{cart}$ [mm/s]"
+        axes.set_ylabel(measured.units.name(label))
         legend_above(axes)
     _command(panels[-1], measured)
     if positions:
         panels[-1].plot(simulated.t, simulated.u, color=style.MEASURED, linestyle=":", label="simulated")
         panels[-1].lines[0].set_label("measured")
         legend_above(panels[-1])
-    heading(figure, title or f"{measured.name}: {measured.excitation}")
+    heading(figure, title or f"{measured.name}: {measured.excitation.text(measured.units)}")
     return figure

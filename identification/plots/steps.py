@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from flexdrive_gym.recording import FloatArray
+    from flexdrive_gym.units import Units
     from identification.half_periods import AmplitudeReading
     from identification.step_response import HandoutResult
 
@@ -38,33 +39,33 @@ def plot_steady_state(result: HandoutResult) -> Figure:
     for i, reading in enumerate(shown):
         if i:
             axes = figure.add_subplot(grid[i, 0], sharex=axes)
-        _half_period(axes, reading)
+        _half_period(axes, reading, result.units)
         axes.tick_params(labelbottom=i == len(shown) - 1)
     axes.set_xlabel("time since reversal [s]")
     _line(figure.add_subplot(grid[:, 1]), result)
     return figure
 
 
-def _half_period(axes: Axes, reading: AmplitudeReading) -> None:
+def _half_period(axes: Axes, reading: AmplitudeReading, units: Units) -> None:
     axes.axvspan(*reading.window, color=style.SHADE, linewidth=0.0, zorder=0)
     for cart, v in ((1, reading.v1), (2, reading.v2)):
         axes.plot(reading.t, v, color=style.CART[cart], linewidth=1.0, label=f"$v_{cart}$")
     axes.axhline(reading.vss, color=style.MARK, linestyle="--", linewidth=1.0)
-    error = f" ± {reading.vss_error:.1f}" if reading.vss_error is not None else ""
+    error = "" if reading.vss_error is None else f" ± {units.text(reading.vss_error, 'mm/s', 2)}"
     axes.annotate(
-        f"$v_{{ss}}$ = {reading.vss:.1f}{error} mm/s",
+        f"$v_{{ss}}$ = {units.text(reading.vss, 'mm/s')}{error}",
         (reading.window[1], 0.35 * reading.vss),
         ha="right",
         va="center",
         color=style.MARK,
     )
-    axes.set_title(f"±{reading.amplitude:g} V, mean of {reading.n_averaged} half-periods", loc="left")
-    axes.set_ylabel("velocity [mm/s]")
+    axes.set_title(f"±{units.text(reading.amplitude, 'V')}, mean of {reading.n_averaged} half-periods", loc="left")
+    style.label_in(axes.yaxis, "velocity [mm/s]", units)
     axes.legend(loc="lower center", ncols=2)
 
 
 def _line(axes: Axes, result: HandoutResult) -> None:
-    bT, dT = result["bT"], result["dT"]
+    bT, dT, units = result["bT"], result["dT"], result.units
     largest = 1.08 * max(reading.amplitude for reading in result.amplitudes)
     u0 = np.array([dT, largest])
     axes.plot(u0, (u0 - dT) / bT, color=style.COMMAND, label="Eq. (5)")
@@ -89,9 +90,9 @@ def _line(axes: Axes, result: HandoutResult) -> None:
         )
     axes.set_xlim(0.0, largest)
     axes.set_ylim(bottom=0.0)
-    axes.set_title(f"$b_T$ = {bT:.4g} V s/mm,  $d_T$ = {dT:.3g} V", loc="left")
-    axes.set_xlabel("amplitude $u_0$ [V]")
-    axes.set_ylabel("steady velocity $v_{ss}$ [mm/s]")
+    axes.set_title(f"$b_T$ = {units.text(bT, 'V s/mm')},  $d_T$ = {units.text(dT, 'V', 3)}", loc="left")
+    style.label_in(axes.xaxis, "amplitude $u_0$ [V]", units)
+    style.label_in(axes.yaxis, "steady velocity $v_{ss}$ [mm/s]", units)
     axes.legend(loc="upper left")
 
 
@@ -138,9 +139,9 @@ def plot_time_constant(result: HandoutResult) -> Figure:
     end = min(float(average.t[-1]), max(8.0 * reading.t63, 4.0 / reading.p_corrected, 0.25))
     axes.set_xlim(0.0, end)
     axes.set_ylim(-1.75 * reading.vss, max(1.3 * reading.vss, 1.05 * float(average.v1[average.t < end].max())))
-    axes.set_title(f"Time constant at ±{reading.amplitude:g} V", loc="left")
+    axes.set_title(f"Time constant at ±{result.units.text(reading.amplitude, 'V')}", loc="left")
     axes.set_xlabel("time since reversal [s]")
-    axes.set_ylabel("velocity $v_1$ [mm/s]")
+    style.label_in(axes.yaxis, "velocity $v_1$ [mm/s]", result.units)
     axes.legend(loc="lower right")
     return figure
 
@@ -161,8 +162,8 @@ def plot_damped_frequency(result: HandoutResult) -> Figure:
     top, bottom = figure.subplots(2, 1, sharex=True)
     top.plot(reading.t, reading.v2, color=style.CART[2], label="$v_2$, mean of half-periods")
     top.plot(reading.t, reading.trend, color=style.REFERENCE, linestyle="--", label="trend: centre of mass")
-    top.set_ylabel("velocity [mm/s]")
-    top.set_title(f"Second cart at ±{reading.amplitude:g} V", loc="left")
+    style.label_in(top.yaxis, "velocity [mm/s]", result.units)
+    top.set_title(f"Second cart at ±{result.units.text(reading.amplitude, 'V')}", loc="left")
     top.legend(loc="lower right")
 
     deviation = reading.v2 - reading.trend
@@ -187,7 +188,7 @@ def plot_damped_frequency(result: HandoutResult) -> Figure:
     bottom.set_ylim(-1.8 * largest, 1.9 * largest)
     bottom.set_xlim(0.0, float(reading.t[-1]))
     bottom.set_xlabel("time since reversal [s]")
-    bottom.set_ylabel("$v_2$ - trend [mm/s]")
+    style.label_in(bottom.yaxis, "$v_2$ - trend [mm/s]", result.units)
     bottom.legend(loc="lower right")
     return figure
 
@@ -211,12 +212,12 @@ def plot_zeta_iteration(result: HandoutResult) -> Figure:
     )
     zeta.legend(loc="best")
     omega_n.plot(passes, [row.omega_n for row in table], marker, color=style.MARK, markersize=4)
-    k.plot(passes, [row.k for row in table], marker, color=style.MARK, markersize=4)
+    k.plot(passes, [row.k / result.units.one("V/mm") for row in table], marker, color=style.MARK, markersize=4)
     last = table[-1]
     for axes, title, unit in (
         (zeta, rf"$\zeta$ = {last.zeta_of_poles:.4g}", r"$\zeta$ [ ]"),
         (omega_n, rf"$\omega_n$ = {last.omega_n:.4g} rad/s", r"$\omega_n$ [rad/s]"),
-        (k, f"$k$ = {last.k:.4g} V/mm", "$k$ [V/mm]"),
+        (k, f"$k$ = {result.units.text(last.k, 'V/mm')}", result.units.name("$k$ [V/mm]")),
     ):
         axes.set_title(title, loc="left")
         axes.set_xlabel("pass of Steps 2-6")

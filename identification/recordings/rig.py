@@ -84,7 +84,7 @@ class Rig:
     carts
         1 or 2, or ``None``: as the recordings tell.
     known
-        Effects that the base model already has, by their ids.
+        Effects that the base model already has, by their ids; ``id@place`` for one of several places.
     sample_time
         Sampling period [s], or ``None``: from the files' clock.
     columns
@@ -235,7 +235,7 @@ def _effects(where: str, value: Any) -> tuple[str, ...]:
             where, "[rig] known", "must be a list of effects", repr(value)[:60], 'Write known = ["ground_spring"].'
         )
     for item in value:
-        if item not in ids:
+        if str(item).partition("@")[0] not in ids:
             near = difflib.get_close_matches(str(item), ids, n=1, cutoff=0.6)
             hint = f"Did you mean {near[0]}?" if near else "See docs/physics.md for the catalogue."
             raise broken(where, "[rig] known", "must name effects of the catalogue", repr(item), hint)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import t as student
 
 from flexdrive_gym import Covariance, Drive, LinearController, PControl
 from flexdrive_gym.drive.linear_controller import run_batch
@@ -107,6 +108,30 @@ def test_drawn_drives_have_the_identified_spread():
     assert drawn[0]["m2"] == RIG["m2"]
     again = drive.draw(np.random.default_rng(3), 2)
     assert [d["k"] for d in again] == [d["k"] for d in drive.draw(np.random.default_rng(3), 2)]
+
+
+def test_few_degrees_of_freedom_widen_draws_as_students_t_does():
+    spread = Covariance(("k",), np.array([[(0.02 * RIG["k"]) ** 2]]), 6.0)
+    drawn = np.array([d["k"] for d in Drive(RIG, covariance=spread).draw(np.random.default_rng(0), 20000)])
+    low, high = np.quantile(drawn, [0.025, 0.975])
+    assert (high - low) / 2 == pytest.approx(student.ppf(0.975, 6) * 0.02 * RIG["k"], rel=0.05)
+
+
+def test_draws_have_the_friction_of_another_run():
+    drive = Drive(
+        RIG, covariance=Covariance(("m1",), np.array([[1e-12]])), run_to_run=Covariance(("d2",), np.array([[0.04]]))
+    )
+    logs = np.log([d["d2"] / RIG["d2"] for d in drive.draw(np.random.default_rng(0), 4000)])
+    assert np.std(logs) == pytest.approx(0.2, rel=0.05)
+    assert all(d.run_to_run is None for d in drive.draw(np.random.default_rng(0), 2))
+
+
+def test_a_negative_parameter_is_drawn_to_both_sides():
+    key = "hardening_spring.k3"
+    drive = Drive({**RIG, key: -1e-5}, covariance=Covariance((key,), np.array([[1e-12]])))
+    drawn = np.array([d[key] for d in drive.draw(np.random.default_rng(0), 500)])
+    assert drawn.mean() == pytest.approx(-1e-5, rel=0.02)
+    assert drawn.std() == pytest.approx(1e-6, rel=0.15)
 
 
 def test_a_drive_without_covariance_cannot_be_drawn():
