@@ -15,6 +15,7 @@ from benchmarks import (
     magnet,
     overlay,
     real_rigs,
+    recordings,
     sim_to_real,
     speed,
 )
@@ -25,6 +26,7 @@ ALL = {
     "environment": environment.main,
     "learning": learning.main,
     "real_rigs": real_rigs.main,
+    "recordings": recordings.main,
     "coverage": coverage.main,
     "blind_nuisance": blind_nuisance.main,
     "controllers": controllers.main,

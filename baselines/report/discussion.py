@@ -132,11 +132,12 @@ def collocation(measures: Sequence[PControlMeasures], drive: Drive) -> list[str]
         )
         + " The zeros beside the complex poles give back the phase the spring takes: in linear theory no gain is unstable."
     ]
-    slack = drive["d2"] / drive["k"] if drive["k"] > 0.0 else float("nan")
+    slack = f"±d2/k = ±{drive['d2'] / drive['k']:.1f} mm" if drive["k"] > 0.0 else "any distance"
+    rest = f"{m.dwell_error:.1f} mm" if np.isfinite(m.dwell_error) else "unknown, because the reference never rests"
     answer.append(
         f"Disadvantage: accuracy of m2. The loop does not see the spring, so x2 may rest anywhere within "
-        f"±d2/k = ±{slack:.1f} mm of x1 and rings with the bare drive's damping; the "
-        f"{'simulated' if m.simulated else 'measured'} error of x2 in the dwells is {m.dwell_error:.1f} mm."
+        f"{slack} of x1 and rings with the bare drive's damping; the "
+        f"{'simulated' if m.simulated else 'measured'} error of x2 in the dwells is {rest}."
     )
     return answer
 

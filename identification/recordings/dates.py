@@ -66,16 +66,19 @@ def seconds_of_text(column: pd.Series) -> FloatArray | None:
     import pandas as pd  # noqa: PLC0415  (costs more to import than anything else here)
 
     text = column.astype(str).str.strip().str.replace(r"(?<=\d),(?=\d+$)", ".", regex=True)
-    first = next((item for item in text if item), "")
+    first = next((item for item in text if isinstance(item, str) and item), "")
     if re.match(r"^\d{1,2}:\d{2}(:\d{2}(\.\d+)?)?$", first):
         spans = pd.to_timedelta(text.where(text.str.count(":") > 1, "00:" + text), errors="coerce")
         return np.asarray(spans.dt.total_seconds(), dtype=np.float64)
     if not re.search(r"\d[-/. ]\w{1,3}[-/. ]\d", first):
         return None
-    dates = pd.to_datetime(text, errors="coerce", utc=True, format="ISO8601" if first[:4].isdigit() else "mixed")
+    try:
+        dates = pd.to_datetime(text, errors="coerce", utc=True, format="ISO8601" if first[:4].isdigit() else "mixed")
+        whole = (dates - pd.Timestamp(0, tz="UTC")).dt.total_seconds()
+    except (ValueError, OverflowError):  # a year that no clock shows
+        return None
     if dates.isna().mean() > 0.2:
         return None
-    whole = (dates - pd.Timestamp(0, tz="UTC")).dt.total_seconds()
     return np.asarray(whole, dtype=np.float64)
 
 

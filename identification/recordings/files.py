@@ -19,10 +19,14 @@ from identification.recordings.table import LARGEST, Series, Table
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from flexdrive_gym.recording import FloatArray
+
 _TEXT = (".csv", ".txt", ".dat", ".tsv", ".log", ".asc")
 EXTENSIONS = (*_TEXT, *(f"{kind}.gz" for kind in _TEXT), ".mat", ".parquet")
 SPREADSHEETS = (".xlsx", ".xls", ".ods")
 """May hold recordings but are not read: listed with that reason, where other kinds of files are not even listed."""
+
+LARGEST_NUMBER = 1e60
 
 __all__ = ["EXTENSIONS", "SPREADSHEETS", "Series", "Table", "extension", "read_table"]
 
@@ -72,7 +76,15 @@ def read_table(path: Path) -> Table:
             kind or "none",
             f"{hint}Export the log as .csv with a header line such as t_s,u_V,v1_mm_s,v2_mm_s.",
         )
-    return table if table.recorded is not None else replace(table, recorded=date_of_name(path.name))
+    series = tuple(replace(item, values=_sane(item.values)) for item in table.series)
+    return replace(table, series=series, recorded=table.recorded or date_of_name(path.name))
+
+
+def _sane(values: FloatArray) -> FloatArray:
+    """Return numbers without those that no sensor gives, which damaged files hold: they are missing, or nothing."""
+    size = np.abs(values)
+    odd = ~np.isfinite(values) | (size > LARGEST_NUMBER) | ((size < 1.0 / LARGEST_NUMBER) & (size > 0.0))
+    return np.where(odd, np.where(size < 1.0, 0.0, np.nan), values) if odd.any() else values
 
 
 def _read_parquet(path: Path) -> Table:
@@ -90,8 +102,8 @@ def _read_parquet(path: Path) -> Table:
     if 8 * frame.size > LARGEST:
         rule = f"must be smaller than {LARGEST >> 20} MB"
         raise broken(path.name, "file", rule, f"{8 * frame.size >> 20} MB", "Export fewer columns, or split the run.")
-    series = []
-    for place, label in enumerate(frame.columns):
+    series: list[Series] = []
+    for label in frame.columns:
         column = frame[label]
         if pd.api.types.is_datetime64_any_dtype(column.dtype):
             numbers = (column - pd.Timestamp(0, tz=column.dt.tz)).dt.total_seconds()
@@ -99,5 +111,5 @@ def _read_parquet(path: Path) -> Table:
             numbers = pd.to_numeric(column, errors="coerce")
         values = np.asarray(numbers, dtype=np.float64)
         if label != "index":
-            series.append(Series(str(label), values, places=(str(place + 1),)))
+            series.append(Series(str(label), values, places=(str(len(series) + 1),)))
     return Table(tuple(series))
