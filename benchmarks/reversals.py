@@ -1,7 +1,7 @@
 """Does the track give way? The mean of all reversals of the command, measured and simulated with and without ``base_recoil``.
 
-``python -m benchmarks reversals`` fits the free drive, then with base_recoil, then with play of the motor besides, each run with
-its own friction, to the recordings in ``../shared/recordings``; prints by how much v1 and v2 jump within 10 ms of a reversal and
+``python -m benchmarks reversals`` fits the free drive, then with base_recoil, then with play of the motor or a delay besides, each
+run with its own friction, to the recordings in ``../shared/recordings``; prints by how much v1 and v2 jump within 10 ms of a reversal and
 what is left of the sines of 12 and 16 Hz; and writes a picture of each rig to ``benchmarks/out``.
 """
 
@@ -26,6 +26,7 @@ OUT = Path(__file__).parent / "out"
 RIGS = ("mte360_2022", "mte360_2025")
 # where quick fits to the mean reversals of 2022 ended
 _RECOIL = {"base_recoil.compliance": 0.035, "base_recoil.frequency": 34.0, "base_recoil.zeta": 0.5}
+_DELAY = {"input_delay.tau": 2e-3}
 _PLAY = {"motor_gear_backlash.mass": 3e-5, "motor_gear_backlash.gap": 0.1, "motor_gear_backlash.kc": 15.0}
 _SINES_HZ = (12.0, 16.0)
 
@@ -45,7 +46,13 @@ def study(rig: str) -> None:
     free = fit_per_run(runs, identify(recordings).drive.values)
     recoil = fit_per_run(runs, {**free.values, **_RECOIL}, list(_RECOIL), free.own)
     both = fit_per_run(runs, {**recoil.values, **_PLAY}, [*_RECOIL, *_PLAY], recoil.own, 8)
-    models = {"free drive": free, "+ base_recoil": recoil, "+ base_recoil + motor_gear_backlash": both}
+    delayed = fit_per_run(runs, {**recoil.values, **_DELAY}, [*_RECOIL, *_DELAY], recoil.own, 8)
+    models = {
+        "free drive": free,
+        "+ base_recoil": recoil,
+        "+ base_recoil + motor_gear_backlash": both,
+        "+ base_recoil + input_delay": delayed,
+    }
     groups = _grouped(used)
     measured = {title: [r for i in rows if (r := mean_reversal(used[i]))] for title, rows in groups.items()}
     simulated = {name: _simulated(fit, used, runs, groups) for name, fit in models.items()}
@@ -56,7 +63,7 @@ def study(rig: str) -> None:
             print(f"  {'':10s} {name}: {_jumps(by_title[title])}")
     for name, fit in models.items():
         sines = ", ".join(f"{f:g} Hz {fit.rms[i]:.2f}" for f in _SINES_HZ for i in _sine(used, f))
-        added = ", ".join(f"{k} = {v:.3g}" for k, v in fit.values.items() if "." in k)
+        added = ", ".join(f"{k} = {v:.3g}" for k, v in fit.values.items() if "." in k and "quantum" not in k)
         print(f"  {name}: rms {fit.total:.2f} mm/s over all runs, {sines}; {added}")
     figure = plot_reversals(measured, simulated)
     OUT.mkdir(exist_ok=True)

@@ -57,8 +57,8 @@ def _in_words(spread: LoopUncertainty) -> str:
     titles = {"crossover": "crossover {} rad/s", "gain_margin": "GM {}", "phase_margin_deg": "PM {}°"}
     intervals = [titles[name].format(f"{low:.3g} … {high:.3g}") for name, (low, high) in spread.ci95.items()]
     return (
-        f"on {spread.draws} drives drawn from the covariance the last stage is unstable on {spread.unstable:.0%}; 95 % of the others: "
-        f"{', '.join(intervals) or '–'}"
+        f"on {spread.draws} drives drawn from the covariance the last stage is unstable on {spread.unstable:.0%}; "
+        f"95 % of the others: {', '.join(intervals) or '–'}"
     )
 
 
