@@ -1,8 +1,8 @@
 """Does the track give way? The mean of all reversals of the command, measured and simulated with and without ``base_recoil``.
 
-``python -m benchmarks reversals`` fits the free drive, then with base_recoil, then with play of the motor or a delay besides, each
-run with its own friction, to the recordings in ``../shared/recordings``; prints by how much v1 and v2 jump within 10 ms of a reversal and
-what is left of the sines of 12 and 16 Hz; and writes a picture of each rig to ``benchmarks/out``.
+``python -m benchmarks reversals`` fits the free drive, then with base_recoil, then with play of the motor or a delay besides,
+each run with its own friction, to the recordings in ``../shared/recordings``; prints by how much v1 and v2 jump within 10 ms of
+a reversal and what is left of the sines of 12 and 16 Hz; and writes a picture of each rig to ``benchmarks/out``.
 """
 
 from __future__ import annotations

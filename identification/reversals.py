@@ -76,4 +76,6 @@ def mean_reversal(recording: Recording, velocities: Sequence[FloatArray] | None 
             found.append(pieces - pieces[:, before - rest : before].mean(axis=1, keepdims=True))
     if not found:
         return None
-    return Reversal(recording.name, np.arange(-before, after) * h, np.mean(found, axis=0), len(found))
+    return Reversal(
+        recording.name, np.arange(-before, after) * h, np.asarray(np.mean(found, axis=0), dtype=np.float64), len(found)
+    )

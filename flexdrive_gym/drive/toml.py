@@ -69,7 +69,8 @@ def dumps(drive: Drive) -> str:
         spread = _covariance(drive.run_to_run)
         document["run_to_run"] = spread.comment("of the logarithms: what differs between runs of the same rig")
     if drive.recorded is not None:
-        reached = tomlkit.table().comment("how far the recordings reach: V, mm/s, mm, Hz")
+        reached = tomlkit.table()
+        reached.comment("how far the recordings reach: V, mm/s, mm, Hz")
         for name, value in asdict(drive.recorded).items():
             reached[name] = float(value)
         document["recorded"] = reached
