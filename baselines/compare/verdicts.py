@@ -64,7 +64,7 @@ def _standing(name: str, pairs: Sequence[Improvement]) -> list[str]:
         said.append(f"It loses against {', '.join(losses)}.")
     if open_:
         said.append(
-            f"It cannot be told from {', '.join(open_)} (the interval of the probability of improvement holds 50 %)."
+            f"No difference from {', '.join(open_)} is significant (the interval of the probability of improvement contains 50 %)."
         )
     return said
 
@@ -199,7 +199,9 @@ def _price(group: Group, rival: Result, own: Summary, other: Summary) -> list[st
         said.append(f"Beside {rival.entry.name}, {group.name} is better in {', '.join(told[True])}.")
     failing = [r.entry.name for r in group.results if r.on_rig is None]
     if failing and trials:
-        said.append(f"As they are, {', '.join(failing)} fail the trial on the rig: they have no margin.")
+        said.append(
+            f"{', '.join(failing)} fail on the rig without any change of gain or delay, so they have no margin there."
+        )
     return said + _seeds_differ(group)
 
 

@@ -12,7 +12,16 @@ import pytest
 from baselines.report import words
 from baselines.report.diagnosis import _tiles, shown_recording
 from flexdrive_gym.recording import Fault
-from identification.mismatch.verdict import Estimate, Finding, Located, Named, Prediction, RecordingFit, Unnamed, statement
+from identification.mismatch.verdict import (
+    Estimate,
+    Finding,
+    Located,
+    Named,
+    Prediction,
+    RecordingFit,
+    Unnamed,
+    statement,
+)
 from identification.quantities import Quantity
 from tests.identification.mismatch.lab import diagnosis
 
