@@ -90,24 +90,24 @@ def _explanation(study: StabilityStudy) -> tuple[str, ...]:
         return tuple(said)
     if study.student is not None and study.student_without_friction is not None:
         said.append(
-            "The critical gain found as in the lab, by raising Kp until the vibration grows within four seconds of the trajectory, "
-            f"is {study.student:.4g} V/mm with friction and {study.student_without_friction:.4g} V/mm on the same drive without it "
-            f"(Routh: {routh:.4g} V/mm)."
+            "The critical gain found as in the lab, by raising Kp until the vibration grows within four seconds of the "
+            f"trajectory, is {study.student:.4g} V/mm with friction and {study.student_without_friction:.4g} V/mm on the same drive "
+            f"without it (Routh: {routh:.4g} V/mm)."
         )
     finite = [s for s in study.curve if np.isfinite(s.factor)]
     if finite and (drive["d1"] > 0.0 or drive["d2"] > 0.0):
         least = min(finite, key=lambda s: s.factor)
         small = finite[0]
         said.append(
-            f"By harmonic balance a vibration of x2 keeps an amplitude of {small.amplitude:.2g} mm at Kp = {small.factor:.3g} V/mm, "
-            f"and one of {least.amplitude:.2g} mm at {least.factor:.3g} V/mm. At a gain in between there is one amplitude that is "
-            "kept: smaller vibrations decay, larger ones grow."
+            f"By harmonic balance a vibration of x2 keeps an amplitude of {small.amplitude:.2g} mm at Kp = {small.factor:.3g} "
+            f"V/mm, and one of {least.amplitude:.2g} mm at {least.factor:.3g} V/mm. At a gain in between there is one amplitude "
+            "that is kept: smaller vibrations decay, larger ones grow."
         )
         if study.agreement is not None:
             said.append(
                 "For vibrations above 10 mm simulation and harmonic balance agree to "
-                f"{study.agreement:.1%}. In smaller ones the carts stick in every cycle, so that the motion is no sine, as harmonic "
-                "balance assumes."
+                f"{study.agreement:.1%}. In smaller ones the carts stick in every cycle, so that the motion is no sine, as "
+                "harmonic balance assumes."
             )
     said.append(
         "With feedback from x1, the zeros beside the complex poles keep the phase above -180°, so no gain is "

@@ -137,7 +137,8 @@ def _beyond(found: Lesson) -> Section:
     if lab4 and stable:
         best = min(stable, key=lambda d: d.measures.rms)
         section.text(
-            f"Lab 4 reads x2 as well, so it controls what is to be positioned, and its notch keeps the spring from limiting the gain: "
+            f"Lab 4 reads x2 as well, so it controls what is to be positioned, and its notch keeps the spring from "
+            "limiting the gain: "
             f"{lab4.measures.rms:.2f} mm rms, against {best.measures.rms:.2f} mm of the best P(x2) here that does not grow"
             + (f" and {collocated.measures.rms:.2f} mm of P(x1)." if collocated else ".")
         )
