@@ -91,8 +91,8 @@ def _explanation(study: StabilityStudy) -> tuple[str, ...]:
     if study.student is not None and study.student_without_friction is not None:
         said.append(
             "The critical gain found as in the lab, by raising Kp until the vibration grows within four seconds of the "
-            f"trajectory, is {study.student:.4g} V/mm with friction and {study.student_without_friction:.4g} V/mm on the same drive "
-            f"without it (Routh: {routh:.4g} V/mm)."
+            f"trajectory, is {study.student:.4g} V/mm with friction and {study.student_without_friction:.4g} V/mm on the "
+            f"same drive without it (Routh: {routh:.4g} V/mm)."
         )
     finite = [s for s in study.curve if np.isfinite(s.factor)]
     if finite and (drive["d1"] > 0.0 or drive["d2"] > 0.0):

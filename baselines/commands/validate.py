@@ -51,6 +51,8 @@ def validate(
             }
         )
         return
+    from baselines.report.words import by_number  # noqa: PLC0415
+
     table(
         f"{rig.name} against {len(runs)} recordings",
         ["recording", "channel", "rms", "floor", "unit", "NRMSE fit", "VAF"],
@@ -64,7 +66,7 @@ def validate(
                 _percent(f.nrmse),
                 _percent(f.vaf),
             ]
-            for f in result.fits()
+            for f in sorted(result.fits(), key=lambda f: (by_number(f.recording), f.channel))
         ],
     )
     say(f"all velocities: rms {result.rms:.2f} mm/s, floor {result.floor:.2f} mm/s")
