@@ -51,8 +51,8 @@ def _short(found: Lesson) -> list[str]:
     if collocated:
         word = "does not grow" if collocated.measures.stable else "grows"
         said.append(
-            f"The same gain from x1 {word}, and leaves x2 {collocated.parts.offset:.2g} mm from where it should be: the loop "
-            "does not look at it."
+            f"The same gain from x1 {word}, and leaves x2 {collocated.parts.offset:.2g} mm from where it should be, as the loop "
+            "does not measure x2."
         )
     best = min(found.shown, key=lambda d: d.measures.rms if d.measures.stable else float("inf"))
     said.append(f"Of all shown here {best.name} tracks best: {best.measures.rms:.2f} mm rms.")
@@ -163,7 +163,8 @@ def _beyond(found: Lesson) -> Section:
     if lab4 and stable:
         best = min(stable, key=lambda d: d.measures.rms)
         section.text(
-            f"Lab 4 reads x2 as well, so it sees what matters, and shapes the loop so that the spring does not set its limit: "
+            f"Lab 4 reads x2 as well, so it controls what is to be positioned, and its notch keeps the spring from "
+            "limiting the gain: "
             f"{lab4.measures.rms:.2f} mm rms, against {best.measures.rms:.2f} mm of the best P(x2) here that does not grow"
             + (f" and {collocated.measures.rms:.2f} mm of P(x1)." if collocated else ".")
         )
