@@ -160,7 +160,7 @@ def identify_by_likelihood(
     tied = {RATIOS[r][0] for r in ties}
     names = [n for n in (*topology.free, *(["C"] if damping else [])) if n not in tied and n not in fixed]
     found = {**topology.start, **start_values(used, topology)}
-    known = {n: v for n, v in topology.start.items() if "." in n}
+    known = {n: found[n] for n in topology.start if "." in n}
     begin = {n: v for n, v in {"C": 1e-5, **_positive(found), **known, **fixed}.items() if n in {*names, *tied, *fixed}}
     with ThreadPoolExecutor(threads or len(os.sched_getaffinity(0))) as pool:
         # a few recordings tell which start leads to the best valley; all of them then find its bottom

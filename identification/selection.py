@@ -45,6 +45,11 @@ class Selection:
     references: dict[str, Reference]
 
     @property
+    def reasons(self) -> dict[str, Why]:
+        """Name of a recording that is left out to the reason."""
+        return {r.name: why for r, why in self.left_out}
+
+    @property
     def notes(self) -> list[str]:
         """One sentence for each reason."""
         found = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from baselines.report import sections as parts
@@ -77,12 +78,13 @@ def _subtitle(found: Findings) -> str:
 
 def _summary(found: Findings) -> list[str]:
     fit, drive = found.fit, found.likely.drive
-    lines = [
-        (
-            f"Identified by maximum likelihood: the rms error of the velocities is {found.validation.rms:.1f} mm/s. The floor, "
-            f"what differs between repetitions and so cannot be explained by a model, is {found.validation.floor:.1f} mm/s."
-        )
-    ]
+    floor = (
+        f"The floor, what differs between repetitions and so cannot be explained by a model, is {found.validation.floor:.1f} mm/s."
+        if math.isfinite(found.validation.floor)
+        else "No run repeats itself, so there is no floor to compare it with."
+    )
+    rms = found.validation.rms if math.isfinite(found.validation.rms) else fit.rms
+    lines = [f"Identified by maximum likelihood: the rms error of the velocities is {rms:.1f} mm/s. {floor}"]
     if found.tied is not None:
         ratios = ", ".join(f"{n} = {fit.ratios[n].value:.2f} (handout {HANDOUT_RATIOS[n]:g})" for n in HANDOUT_RATIOS)
         lines.append(

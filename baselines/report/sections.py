@@ -251,13 +251,22 @@ def time_domain(found: Findings) -> Section:
         "In the table, autocorrelated is the share of lags at which the residual's autocorrelation leaves the 99 % band of white "
         "noise. An input correlation above 1 says that the command's past still explains part of the residual."
     )
-    p_runs = [o for o in found.validation.overlays if o.measured.closed_loop and o.fits]
+    p_runs = [o for o in found.validation.overlays if o.how == "in the loop" and o.fits]
     if p_runs:
         section.heading("P-control predicted in the loop")
         for overlay in p_runs:
             section.figure(
                 plot_validation(overlay.measured, overlay.simulated),
                 f"{overlay.measured.name}: the identified drive in the same loop; no fit to this recording.",
+            )
+    windows = [o for o in found.validation.overlays if o.how.startswith("windows") and o.fits]
+    if windows:
+        section.heading("Closed loops of an unknown controller")
+        for overlay in windows:
+            section.figure(
+                plot_validation(overlay.measured, overlay.simulated),
+                f"{overlay.measured.name}: the identified drive under the recorded command, over {overlay.how}, each begun in the "
+                "measured state.",
             )
     return section
 

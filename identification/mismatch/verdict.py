@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
@@ -277,7 +278,12 @@ class Diagnosis:
     def __str__(self) -> str:
         lines = [
             f"verdict: {self.verdict.replace('_', ' ')}",
-            f"rms kept away: {self.before_rms:.3g} -> {self.after_rms:.3g} {self.unit}, floor {self.floor_rms:.3g}",
+            f"rms kept away: {self.before_rms:.3g} -> {self.after_rms:.3g} {self.unit}, "
+            + (
+                f"floor {self.floor_rms:.3g}"
+                if math.isfinite(self.floor_rms)
+                else "no floor, because no run repeats itself"
+            ),
         ]
         if self.own_rms is not None:
             before, after = self.own_rms

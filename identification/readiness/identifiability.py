@@ -27,6 +27,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexdrive_gym.drive.effects import LAYOUT
 from flexdrive_gym.drive.parameters import parameter
 from flexdrive_gym.recording import FloatArray, Recording
 from flexdrive_gym.units import Units
@@ -34,6 +35,7 @@ from identification.descent import Descent
 from identification.likelihood import MaximumLikelihood, identify_by_likelihood, usable
 from identification.output_error import prepare
 from identification.recordings.recording_set import RecordingSet
+from identification.signals import velocities
 from identification.topology import Topology, topology_of
 
 DETERMINED, READY = 0.25, 0.5
@@ -42,6 +44,10 @@ _TAKES_PART = 0.3
 _NORMAL_95 = 1.96
 # relative half width beyond which a number says nothing
 _NOTHING = 10.0
+# a sensitivity below this, of the largest, is none
+_BLIND = 1e-7
+# share of the command that a friction makes no difference below, and of a like parameter below which one is nearly none
+_NEGLIGIBLE, _NEARLY_NONE = 0.2, 0.02
 # simulated seconds that the information is taken from
 _BUDGET_S = 400.0
 _SUMS = {"total mass m1 + m2": ("m1", "m2"), "k": ("k",), "b1 + b2": ("b1", "b2"), "d1 + d2": ("d1", "d2")}
@@ -116,9 +122,8 @@ def identifiability(
     fit = fit or identify_by_likelihood(some, threads=threads, topology=topology)
     chosen, _ = usable(everything)
     counted = _within(chosen, _BUDGET_S)
-    names, covariance = relative_covariance(fit, counted, topology, threads)
+    names, sizes, covariance = relative_covariance(fit, counted, topology, threads)
     half = half_widths(names, covariance)
-    sizes = np.array([size_of(n, fit.drive.values) for n in names])
     return Identifiability(
         fit,
         half,
@@ -132,21 +137,31 @@ def identifiability(
 
 def relative_covariance(
     fit: MaximumLikelihood, recordings: Sequence[Recording], topology: Topology, threads: int | None = None
-) -> tuple[list[str], FloatArray]:
-    """Return the free parameters and the inverse of the information on their relative changes, ndarray, shape (p, p)."""
+) -> tuple[list[str], FloatArray, FloatArray]:
+    """Return the free parameters, what their changes are relative to, and the inverse of the information on these.
+
+    Returns
+    -------
+    names : list of str
+    sizes : ndarray, shape (p,)
+    covariance : ndarray, shape (p, p)
+    """
     values = fit.drive.values
     names = [n for n in topology.free if n in values and n not in topology.fixed]
+    sizes = sizes_of(names, values, recordings)
     with ThreadPoolExecutor(threads or len(os.sched_getaffinity(0))) as pool:
         descent = Descent([prepare(r) for r in recordings], names, {}, topology.fixed, pool)
-        descent.scale = np.array([size_of(n, values) for n in names])
+        descent.scale = sizes
         z = descent.coordinates(values)
         descent.reweight(z)
         J = descent.jacobian(z)
     worth = min(1.0, fit.effective_samples / max(fit.samples, 1))
-    covariance: FloatArray = np.asarray(np.linalg.pinv(J.T @ J * worth, rcond=1e-14, hermitian=True), dtype=np.float64)
-    blind = np.linalg.norm(J, axis=0) == 0.0
-    covariance[blind, blind] = _NOTHING**2
-    return names, covariance
+    felt = np.linalg.norm(J, axis=0)
+    seen = felt > _BLIND * max(float(np.max(felt)), 1e-300)
+    covariance = np.diag(np.where(seen, 0.0, _NOTHING**2))
+    information = J[:, seen].T @ J[:, seen] * worth
+    covariance[np.ix_(seen, seen)] = np.linalg.pinv(information, rcond=1e-14, hermitian=True)
+    return names, sizes, covariance
 
 
 def half_widths(names: Sequence[str], covariance: FloatArray) -> dict[str, float]:
@@ -161,14 +176,31 @@ def _within(recordings: Sequence[Recording], seconds: float) -> list[Recording]:
     return list(recordings[::every])
 
 
-def size_of(name: str, values: Mapping[str, float]) -> float:
-    """Return against what a parameter's change is relative: its value; where it is nearly none, the same of both carts."""
-    value = abs(values[name])
-    both = sum(abs(v) for n, v in values.items() if len(n) == 2 and n[0] == name[0]) if len(name) == 2 else value
-    if value > 0.02 * both and value > 0.0:
-        return value
-    starts = [abs(v) for v in values.values() if v != 0.0]
-    return both if both > 0.0 else min(starts, default=1.0)
+def sizes_of(names: Sequence[str], values: Mapping[str, float], recordings: Sequence[Recording]) -> FloatArray:
+    """Return what parameters' changes are relative to: their values.
+
+    A friction that is nearly none is relative to the same friction of both carts; where that is none either, to a fifth of the
+    command that the recordings have, because less than that makes no difference. Another effect that is none is relative to its
+    usual size.
+
+    Returns
+    -------
+    ndarray, shape (p,)
+    """
+    level = _NEGLIGIBLE * float(np.median([np.max(np.abs(r.u)) for r in recordings]))
+    speed = max(float(np.median([max(np.max(np.abs(v)) for v in velocities(r)) for r in recordings])), 1e-9)
+    least = {"d": level, "b": level / speed}
+    found = []
+    for name in names:
+        value = abs(values[name])
+        if len(name) > 2:
+            starts = LAYOUT[name].parameter.starts
+            found.append(value or abs(starts[0] if starts else 1.0) or 1.0)
+            continue
+        both = sum(abs(v) for n, v in values.items() if len(n) == 2 and n[0] == name[0])
+        usual = max(both, least.get(name[0], 0.0)) or 1.0
+        found.append(value if value > _NEARLY_NONE * usual else usual)
+    return np.array(found)
 
 
 def _sums(names: Sequence[str], sizes: FloatArray, covariance: FloatArray) -> dict[str, float]:
@@ -244,6 +276,6 @@ __all__ = [
     "identifiability",
     "relative_covariance",
     "short",
-    "size_of",
+    "sizes_of",
     "trade_offs",
 ]

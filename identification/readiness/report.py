@@ -74,7 +74,7 @@ class Understood:
         )
         if self.experiment in ("step", "ramp"):
             one = r.units.one("V")
-            text += f" from {r.u.min() / one:.3g} to {r.u.max() / one:.3g} {r.units.command}"
+            text += f" from {r.u.min() / one + 0.0:.3g} to {r.u.max() / one:.3g} {r.units.command}"
         for cart in self.held:
             plucked = ", cart 2 plucked" if cart == 1 and self.experiment == "free_decay" else ""
             text += f", cart {cart} held{plucked}"

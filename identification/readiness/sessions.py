@@ -21,7 +21,7 @@ from flexdrive_gym.recording import Recording
 from flexdrive_gym.units import Units
 from identification.experiment import experiment_of
 from identification.likelihood import MaximumLikelihood, identify_by_likelihood
-from identification.readiness.identifiability import half_widths, relative_covariance, size_of
+from identification.readiness.identifiability import half_widths, relative_covariance
 from identification.recordings.recording_set import RecordingSet
 from identification.topology import Topology, topology_of
 
@@ -268,8 +268,8 @@ def _counts(recordings: Sequence[Recording]) -> tuple[float, float]:
 def _half_widths(
     fit: MaximumLikelihood, recordings: RecordingSet, topology: Topology, threads: int | None
 ) -> dict[str, float]:
-    names, covariance = relative_covariance(fit, recordings, topology, threads)
-    return {n: w * size_of(n, fit.drive.values) for n, w in half_widths(names, covariance).items()}
+    names, sizes, covariance = relative_covariance(fit, recordings, topology, threads)
+    return {n: w * float(s) for (n, w), s in zip(half_widths(names, covariance).items(), sizes, strict=True)}
 
 
 def _homogeneity(values: Sequence[float], halves: Sequence[float]) -> float:
