@@ -79,7 +79,8 @@ def _subtitle(found: Findings) -> str:
 def _summary(found: Findings) -> list[str]:
     fit, drive = found.fit, found.likely.drive
     floor = (
-        f"The floor, what differs between repetitions and so cannot be explained by a model, is {found.validation.floor:.1f} mm/s."
+        "The floor, what differs between repetitions and so cannot be explained by a model, is "
+        f"{found.validation.floor:.1f} mm/s."
         if math.isfinite(found.validation.floor)
         else "No run repeats itself, so there is no floor to compare it with."
     )

@@ -265,8 +265,8 @@ def time_domain(found: Findings) -> Section:
         for overlay in windows:
             section.figure(
                 plot_validation(overlay.measured, overlay.simulated),
-                f"{overlay.measured.name}: the identified drive under the recorded command, over {overlay.how}, each begun in the "
-                "measured state.",
+                f"{overlay.measured.name}: the identified drive under the recorded command, over {overlay.how}, each begun in "
+                "the measured state.",
             )
     return section
 

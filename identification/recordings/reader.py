@@ -140,24 +140,24 @@ def read_recordings(
         if strict and not isinstance(error, NotARecordingError):
             raise error
         errors.append(error)
-        skipped[file.source] = str(error).removeprefix(f"{file.source}: ")
+        skipped[file.name] = str(error).removeprefix(f"{file.source}: ")
     scaled = choose_units(described, parsed) if units is None else units
     sound: dict[str, Recording] = {}
     for item in parsed:
         try:
-            sound[item.source] = _recording(item, scaled)
+            sound[item.name] = _recording(item, scaled)
         except RecordingError as error:
             if strict:
                 raise
             errors.append(error)
-            skipped[item.source] = str(error).removeprefix(f"{item.source}: ")
-    for copy, original in find_copies([item for item in parsed if item.source in sound]):
-        skipped[copy.source] = f"the same run as {original.source}"
-        del sound[copy.source]
+            skipped[item.name] = str(error).removeprefix(f"{item.source}: ")
+    for copy, original in find_copies([item for item in parsed if item.name in sound]):
+        skipped[copy.name] = f"the same run as {original.source}"
+        del sound[copy.name]
     recordings = list(sound.values())
     if not recordings:
         raise _nothing(paths, files, skipped, errors)
-    listed = [Skipped(file.source, skipped[file.source]) for file in files if file.source in skipped]
+    listed = [Skipped(file.source, skipped[file.name]) for file in files if file.name in skipped]
     return RecordingSet(find_faults(_share_quantum(recordings)), listed, described)
 
 
@@ -185,8 +185,9 @@ def _nothing(
     if len(files) == 1 and files[0].root is None and errors:
         return errors[0]
     sources: dict[str, list[str]] = {}
-    for source, reason in skipped.items():
-        sources.setdefault(reason, []).append(source)
+    for file in files:
+        if file.name in skipped:
+            sources.setdefault(skipped[file.name], []).append(file.source)
     lines = [
         f"\n  {own[0]}{f' and {len(own) - 1} more' if len(own) > 1 else ''}: {reason}"
         for reason, own in list(sources.items())[:MOST_REASONS]
