@@ -98,28 +98,27 @@ def _explanation(study: StabilityStudy) -> tuple[str, ...]:
         return tuple(said)
     if study.student is not None and study.student_without_friction is not None:
         said.append(
-            f"A student who raises Kp until four seconds of the trajectory grow finds {study.student:.4g} V/mm with friction and "
-            f"{study.student_without_friction:.4g} V/mm on the same drive without it (Routh: {routh:.4g} V/mm)."
+            "The critical gain found as in the lab, by raising Kp until the vibration grows within four seconds of the "
+            f"trajectory, is {study.student:.4g} V/mm with friction and {study.student_without_friction:.4g} V/mm on the "
+            f"same drive without it (Routh: {routh:.4g} V/mm)."
         )
     finite = [s for s in study.curve if np.isfinite(s.factor)]
     if finite and (drive["d1"] > 0.0 or drive["d2"] > 0.0):
         least = min(finite, key=lambda s: s.factor)
         small = finite[0]
         said.append(
-            f"By harmonic balance a vibration of {small.amplitude:.2g} mm needs Kp = {small.factor:.3g} V/mm to survive, one of "
-            f"{least.amplitude:.2g} mm only {least.factor:.3g} V/mm, and in between the gain decides "
-            "which size is the edge: smaller "
-            "ones die, larger ones grow."
+            f"By harmonic balance a vibration of x2 keeps an amplitude of {small.amplitude:.2g} mm at Kp = {small.factor:.3g} "
+            f"V/mm, and one of {least.amplitude:.2g} mm at {least.factor:.3g} V/mm. At a gain in between there is one amplitude "
+            "that is kept: smaller vibrations decay, larger ones grow."
         )
         if study.agreement is not None:
             said.append(
                 "For vibrations above 10 mm simulation and harmonic balance agree to "
-                f"{study.agreement:.1%}; smaller ones stick in every "
-                "cycle and are no sines."
+                f"{study.agreement:.1%}. In smaller ones the carts stick in every cycle, so that the motion is no sine, as "
+                "harmonic balance assumes."
             )
     said.append(
-        "From x1 the zeros beside the complex poles hold the phase above -180°, so no gain is "
-        "unstable in linear theory; the price is "
-        "an error of x2 that the loop does not see."
+        "With feedback from x1, the zeros beside the complex poles keep the phase above -180°, so no gain is "
+        "unstable in linear theory. In return x2 may be off by what the spring yields, which a loop on x1 does not measure."
     )
     return tuple(said)

@@ -20,6 +20,7 @@ from math import inf, pi
 import numpy as np
 
 from baselines.experiments import STABLE_GAIN, limit_in_the_lab, p_control
+from baselines.margins import margins
 from baselines.stability_limit import (
     LARGEST_GAIN,
     Feedback,
@@ -29,7 +30,7 @@ from baselines.stability_limit import (
     linear_critical_gain,
     with_rig,
 )
-from flexdrive_gym import Drive, PControl, Recording
+from flexdrive_gym import Drive, LinearController, PControl, Recording
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.references import STROKE_MM
 
@@ -264,6 +265,41 @@ def settled_error(drive: Drive, feedback: Feedback = "x2", gain: float = STABLE_
     x = run.x1 if feedback == "x1" else run.x2
     assert x is not None
     return float(STROKE_MM - np.mean(x[-round(_MEAN_S / 1e-3) :]))
+
+
+@dataclass(frozen=True)
+class LoopUncertainty:
+    """What a drive's uncertainty leaves of a loop that was designed for the drive itself.
+
+    Attributes
+    ----------
+    unstable
+        Share of the draws on which the linear loop is unstable, 0…1.
+    ci95
+        Of ``crossover`` [rad/s], ``gain_margin`` and ``phase_margin_deg``, over the stable ones; empty where hardly any is.
+    draws
+        How many.
+    """
+
+    unstable: float
+    ci95: dict[str, tuple[float, float]]
+    draws: int
+
+
+def loop_uncertainty(
+    drive: Drive, controller: LinearController, *, draws: int = DRAWS, seed: int = 0
+) -> LoopUncertainty | None:
+    """Return the margins of a controller on the draws that :func:`predict` uses; ``None`` for a drive without covariance."""
+    if drive.covariance is None or not draws:
+        return None
+    found = [margins(other, controller) for other in drive.draw(np.random.default_rng(seed), draws)]
+    stable = [m for m in found if m.stable]
+    names = ("crossover", "gain_margin", "phase_margin_deg") if len(stable) > 1 else ()
+    ci95 = {
+        name: tuple(map(float, np.quantile([getattr(m, name) for m in stable], [0.025, 0.975], method="nearest")))
+        for name in names
+    }
+    return LoopUncertainty(1.0 - len(stable) / draws, ci95, draws)  # type: ignore[arg-type]
 
 
 def interval_in_words(p: Predicted, digits: int = 4) -> str:

@@ -10,12 +10,14 @@ from benchmarks import (
     diagnosis,
     environment,
     false_alarms,
+    friction_by_run,
     learners,
     learning,
     magnet,
     overlay,
     real_rigs,
     recordings,
+    reversals,
     sim_to_real,
     speed,
 )
@@ -37,7 +39,9 @@ ALL = {
 LONG = {
     "diagnosis": diagnosis.main,
     "false_alarms": false_alarms.main,
+    "friction_by_run": friction_by_run.main,
     "learners": learners.main,
+    "reversals": reversals.main,
     "sim_to_real": sim_to_real.main,
 }
 

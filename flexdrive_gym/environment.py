@@ -165,7 +165,7 @@ class FlexDriveEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         return self.task.rig.replace({name: float(values[0]) for name, values in drawn.items()})
 
     @property
-    def spec(self) -> EnvSpec | None:  # type: ignore[override]
+    def spec(self) -> EnvSpec | None:
         """What Gymnasium made the environment from, with the time limit that it has."""
         return self._spec
 

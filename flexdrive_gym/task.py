@@ -133,7 +133,8 @@ class Task:
             )
         if self.duration < self.control_period:
             raise ValueError(f"duration: must be at least one control period; got {self.duration:g} s.")
-        if isinstance(self.preview, str) or not isinstance(self.preview, Iterable):
+        given: Any = self.preview
+        if isinstance(given, str) or not isinstance(given, Iterable):
             raise TypeError(
                 f"preview: must be a list of times ahead [s]; got {self.preview!r}. Try preview=(0.02, 0.05)."
             )

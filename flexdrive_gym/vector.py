@@ -255,7 +255,7 @@ class FlexDriveVectorEnv(gymnasium.vector.VectorEnv[Observations, npt.NDArray[np
         self._due, self._begun = None, True
 
     @property
-    def spec(self) -> EnvSpec | None:  # type: ignore[override]
+    def spec(self) -> EnvSpec | None:
         """What Gymnasium made the batch from, with the time limit that it has."""
         return self._spec
 

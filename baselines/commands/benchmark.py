@@ -5,7 +5,6 @@ from __future__ import annotations
 import json as encoder
 from contextlib import nullcontext
 from enum import StrEnum
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -123,12 +122,6 @@ def _print(result: Result) -> None:
     if result.found.unnamed is not None:
         u = result.found.unnamed
         say(f"unnamed: {u.share_of_error:.0%} of the remaining error, {u.acts_on}")
-    units = b.units
-    if isfinite(units.length) and (units.length, units.time, units.voltage) != (1.0, 1.0, 1.0):
-        say(
-            f"figures of findings are in the engine's units: 1 {units.output} = {units.length:g} mm, 1 s = {units.time:g} s, "
-            f"1 V = {units.voltage:g} V; benchmark.json has the rig's"
-        )
     say(f"cite: {b.citation}")
 
 

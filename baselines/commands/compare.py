@@ -159,8 +159,8 @@ class Found:
     """What was found of one drive."""
 
     result: Comparison
-    summaries: list[Summary]
-    improvements: list[Improvement]
+    summaries: Sequence[Summary]
+    improvements: Sequence[Improvement]
     remarks: list[str]
     pages: list[Path] = field(default_factory=list)
 

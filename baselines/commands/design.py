@@ -11,6 +11,7 @@ from baselines.commands._output import DriveFile, Json, number, print_json, say,
 
 if TYPE_CHECKING:
     from baselines.lab4_study import Lab4Study
+    from baselines.uncertainty import LoopUncertainty
 
 
 def design(
@@ -30,11 +31,13 @@ def design(
     """Design Lab 4's controller for the drive: notch, double lead, integral, feed-forward; print every value."""
     from baselines.controllers import Specification  # noqa: PLC0415
     from baselines.lab4_study import LIMITS_V, study_lab_4  # noqa: PLC0415
+    from baselines.uncertainty import loop_uncertainty  # noqa: PLC0415
     from flexdrive_gym import load_drive  # noqa: PLC0415
 
     rig = load_drive(drive)
     asked = Specification(crossover=crossover, gain_margin=gain_margin, phase_margin_deg=phase_margin)
     study = study_lab_4(rig, specification=asked, limits=tuple(limit or LIMITS_V))
+    spread = loop_uncertainty(rig, study.stages[-1].design.controller)
     page = None
     if output is not None:
         from baselines.report.design_page import build_design_page  # noqa: PLC0415
@@ -42,11 +45,22 @@ def design(
 
         page = write_atomically(output / "design.html", build_design_page(study).encode())
     if json:
-        print_json(_as_json(study) | {"page": page})
+        print_json(_as_json(study) | {"uncertainty": spread, "page": page})
         return
     _print(study)
+    if spread is not None:
+        say(_in_words(spread))
     if page is not None:
         say(f"wrote {page}")
+
+
+def _in_words(spread: LoopUncertainty) -> str:
+    titles = {"crossover": "crossover {} rad/s", "gain_margin": "GM {}", "phase_margin_deg": "PM {}°"}
+    intervals = [titles[name].format(f"{low:.3g} … {high:.3g}") for name, (low, high) in spread.ci95.items()]
+    return (
+        f"on {spread.draws} drives drawn from the covariance the last stage is unstable on {spread.unstable:.0%}; "
+        f"95 % of the others: {', '.join(intervals) or '–'}"
+    )
 
 
 def _as_json(study: Lab4Study) -> dict[str, object]:

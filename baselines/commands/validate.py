@@ -61,6 +61,8 @@ def validate(
             }
         )
         return
+    from baselines.report.words import by_number  # noqa: PLC0415
+
     for line in skipped_lines(runs):
         say(line)
     table(
@@ -77,7 +79,7 @@ def validate(
                 _percent(f.vaf),
                 f.how,
             ]
-            for f in fits
+            for f in sorted(fits, key=lambda f: (by_number(f.recording), f.channel))
         ],
     )
     for note in result.notes:

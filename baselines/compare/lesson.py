@@ -48,7 +48,7 @@ class Demonstration:
     margins
         Of the sampled linear loop; ``None`` for a black box.
     swing
-        Of x2 in the last six of twelve seconds after one move, peak to peak [mm].
+        Of the cart that swings most in the last six of twelve seconds after one move, peak to peak [mm].
     """
 
     name: str

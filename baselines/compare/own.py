@@ -65,7 +65,8 @@ def own_entry(name: str, controller: Controller) -> Entry:
         title = f"own policy, acts every {1e3 * task.control_period:g} ms"
         # a policy shows what it learnt: it is swept, and stands with the agents
         return Entry(name, controller, title, READS[task.sensing], group=name, period=task.control_period, learnt=True)
-    said = (inspect.getdoc(type(controller)) or "").partition("\n")[0] if not inspect.isfunction(controller) else ""
+    plain: Any = controller
+    said = "" if inspect.isfunction(plain) else (inspect.getdoc(type(controller)) or "").partition("\n")[0]
     return Entry(
         name, controller, said or "own controller, a black box", getattr(controller, "reads", "x1, x2"), group=name,
         period=float(getattr(controller, "sample_time", SAMPLE_TIME_S)),

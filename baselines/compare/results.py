@@ -34,8 +34,8 @@ class Result:
     on_rig
         By trial, simulated with friction, counts and limit, or ``None`` where not asked for or it fails as it is.
     swing
-        Of x2 in the last six of twelve seconds after one move, simulated with friction, peak to peak [mm], or ``None`` where
-        margins by trial were not asked for.
+        Of the cart that swings most in the last six of twelve seconds after one move, simulated with friction, peak to peak [mm],
+        or ``None`` where margins by trial were not asked for.
     draws, stable_draws
         Shares of success and of stability over the drawn drives, or ``None`` without draws.
     draw_rms

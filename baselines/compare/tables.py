@@ -63,7 +63,7 @@ def loop_words(result: Result) -> str:
 
 
 def doing(bounded: bool, swing: float | None) -> str:
-    """Say what a simulated loop does after a move, from the swing of x2 that stays [mm]; ``None`` where that is not known."""
+    """Say what a simulated loop does after a move, from the swing of a cart that stays [mm]; ``None`` where that is not known."""
     if not bounded or (swing is not None and not isfinite(swing)):
         return "grows"
     if swing is None:

@@ -64,7 +64,8 @@ def _standing(name: str, pairs: Sequence[Improvement]) -> list[str]:
         said.append(f"It loses against {', '.join(losses)}.")
     if open_:
         said.append(
-            f"It cannot be told from {', '.join(open_)} (the interval of the probability of improvement holds 50 %)."
+            f"No difference from {', '.join(open_)} is significant (the interval of the probability of improvement "
+            "contains 50 %)."
         )
     return said
 

@@ -32,6 +32,11 @@ def cell(value: float, digits: int = 3) -> str:
     return f"{value:.{digits}g}" if isfinite(value) else "–"
 
 
+def _mm(value: float) -> str:
+    """Return a length with two decimals [mm], without a minus before zero."""
+    return f"{round(value, 2) + 0.0:.2f}"
+
+
 def _values(study: Lab4Study) -> Section:
     section = Section("Values of the design", "values")
     hand, refined = study.by_hand.table(), study.refined.table()
@@ -100,8 +105,8 @@ def _responses(study: Lab4Study) -> Section:
         ("stage", "rise [s]", "overshoot [%]", "1 V: peak [mm]", "1 V: final [mm]", "1 V, friction: peak [mm]",
          "final [mm]", *(f"step at ±{v:g} V: rise [s]; overshoot [%]" for v in limits)),
         [
-            (s.name, cell(s.step.rise), cell(s.step.overshoot), cell(s.disturbance.peak), f"{round(s.disturbance.final, 2) + 0.0:.2f}",
-             cell(s.rig_disturbance.peak), f"{round(s.rig_disturbance.final, 2) + 0.0:.2f}",
+            (s.name, cell(s.step.rise), cell(s.step.overshoot), cell(s.disturbance.peak), _mm(s.disturbance.final),
+             cell(s.rig_disturbance.peak), _mm(s.rig_disturbance.final),
              *(f"{cell(s.rig_steps[v].rise)}; {cell(s.rig_steps[v].overshoot)}" for v in limits))
             for s in study.stages
         ],

@@ -92,13 +92,13 @@ def effect_of_gain(measures: Sequence[PControlMeasures], drive: Drive, limit: St
         high = calm[-1]
         answer.append(
             f"Raising Kp from {low.gain:.4g} to {high.gain:.4g} V/mm stiffens the loop: the error left in the dwells falls "
-            f"from {low.dwell_error:.1f} to {high.dwell_error:.1f} mm, because a P-controller stops moving the carts once "
-            f"Kp·e is below their friction (dT/Kp = {_total_friction(drive) / low.gain:.1f} mm against "
+            f"from {low.dwell_error:.1f} to {high.dwell_error:.1f} mm, because the command Kp·e of a P-controller no "
+            f"longer moves the carts once it is below their friction (dT/Kp = {_total_friction(drive) / low.gain:.1f} mm against "
             f"{_total_friction(drive) / high.gain:.1f} mm)."
         )
         answer.append(
-            f"The price is vibration: x2 still swings {high.vibration:.1f} mm peak to peak in the dwells at "
-            f"{high.gain:.4g} V/mm, against {low.vibration:.1f} mm at {low.gain:.4g} V/mm, since the loop feeds the spring's "
+            f"In return the vibration is less damped: x2 still swings {high.vibration:.1f} mm peak to peak in the dwells at "
+            f"{high.gain:.4g} V/mm, against {low.vibration:.1f} mm at {low.gain:.4g} V/mm, since the loop excites the spring's "
             f"resonance (ωn = {drive.linear.omega_n:.1f} rad/s, ζ = {drive.linear.zeta:.2f}) with more than 180° of lag."
         )
     for m in runs:
@@ -130,12 +130,12 @@ def collocation(measures: Sequence[PControlMeasures], drive: Drive) -> list[str]
             if same is not None
             else "."
         )
-        + " The zeros beside the complex poles give back the phase the spring takes: in linear theory no gain is unstable."
+        + " The zeros beside the complex poles make up for the phase lag of the spring: in linear theory no gain is unstable."
     ]
     slack = f"±d2/k = ±{drive['d2'] / drive['k']:.1f} mm" if drive["k"] > 0.0 else "any distance"
     rest = f"{m.dwell_error:.1f} mm" if np.isfinite(m.dwell_error) else "unknown, because the reference never rests"
     answer.append(
-        f"Disadvantage: accuracy of m2. The loop does not see the spring, so x2 may rest anywhere within "
+        f"Disadvantage: accuracy of x2. The loop does not measure the spring's deflection, so x2 may rest anywhere within "
         f"{slack} of x1 and rings with the bare drive's damping; the "
         f"{'simulated' if m.simulated else 'measured'} error of x2 in the dwells is {rest}."
     )

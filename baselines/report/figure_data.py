@@ -55,7 +55,9 @@ def _series(axes: Axes) -> Iterator[tuple[str, FloatArray, FloatArray]]:
 
 
 def figure_svg(figure: Figure) -> bytes:
-    """Return a figure as SVG; clouds of points are pictures in it, as thousands of paths would be slow to draw."""
+    """Return a figure, drawn before, as SVG; clouds of points are pictures in it, as thousands of paths would be slow to draw."""
+    # the places found for its PNG hold here too
+    figure.set_layout_engine("none")
     for axes in figure.axes:
         for points in axes.collections:
             if len(np.atleast_2d(np.asarray(points.get_offsets()))) > 500:

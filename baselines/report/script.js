@@ -19,8 +19,9 @@ document.querySelectorAll("figure").forEach((figure, number) => {
   if (player) {
     const frames = figure.querySelector("script").textContent.split(" ");
     const button = player.querySelector("button"), slider = player.querySelector("input");
+    const head = image.src.split(",")[0];
     let at = 0, timer = null;
-    const show = (i) => { at = i % frames.length; slider.value = at; image.src = "data:image/png;base64," + frames[at]; };
+    const show = (i) => { at = i % frames.length; slider.value = at; image.src = `${head},${frames[at]}`; };
     const stop = () => { clearInterval(timer); timer = null; button.textContent = "▶"; };
     const start = () => { timer = setInterval(() => show(at + 1), 100); button.textContent = "❚❚"; };
     button.addEventListener("click", () => (timer ? stop() : start()));

@@ -139,9 +139,9 @@ class LinearController:
                 f"numerator: must not have a higher degree than the denominator, {len(den) - 1}; got {len(num) - 1}. A pure "
                 "derivative needs a filter pole."
             )
-        A, B, C, D = signal.tf2ss(num, den)
-        if len(den) == 1:  # the library makes a state of nothing
-            A, B, C = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0))
+        # the library makes a state of a mere gain
+        static = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), num / den[0]
+        A, B, C, D = signal.tf2ss(num, den) if len(den) > 1 else static
         return cls.from_ss(A, B, C, D, inputs=(f"xr - {reads}",), domain=domain, sample_time=sample_time, **fields)
 
     @classmethod

@@ -92,8 +92,8 @@ def dumps(drive: Drive) -> str:
     if drive.covariance is not None:
         document["covariance"] = _covariance(drive.covariance, _sizes(drive.covariance.names, drive.units))
     if drive.run_to_run is not None:
-        document["run_to_run"] = _covariance(drive.run_to_run, np.ones(len(drive.run_to_run.names)))
-        document["run_to_run"].comment("of the logarithms: what differs between runs of the same rig")
+        spread = _covariance(drive.run_to_run, np.ones(len(drive.run_to_run.names)))
+        document["run_to_run"] = spread.comment("of the logarithms: what differs between runs of the same rig")
     if drive.recorded is not None:
         reached = tomlkit.table()
         reached.comment(drive.units.name("how far the recordings reach: V, mm/s, mm, Hz"))

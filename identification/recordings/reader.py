@@ -351,7 +351,7 @@ def _filter_notes(filtered: tuple[str, ...], cutoff: float | None) -> tuple[str,
     if not filtered:
         return ()
     if cutoff is None:
-        return ("the velocities' filter is not known: its cut-off is estimated with the drive",)
+        return ("the cut-off of the velocities' filter is not known",)
     return (f"the velocities' filter has a cut-off of {cutoff:.3g} Hz",)
 
 

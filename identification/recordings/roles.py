@@ -413,6 +413,8 @@ def _chosen(file: _File) -> Roles:
     bases = [k for k, group in enumerate(on) if "u" in group]
     if not bases or not worth(best := max(bases, key=worth))[0]:
         raise _unpaired(file, clocks, doubt)
+    # structs of equal standing are several runs in one file
+    _best(file, "u", [min(on[k]["u"], key=lambda c: c.rank) for k in bases if worth(k) == worth(best)])
     return _on_clock(file, clocks[best], on[best], joinable)
 
 

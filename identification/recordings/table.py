@@ -44,7 +44,7 @@ class Series:
     @property
     def shown(self) -> str:
         """The name that tells it apart from others."""
-        return self.label if self.named or not self.places else self.places[0]
+        return self.places[0] if self.places and (self.group or not self.named) else self.label
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,8 @@ from baselines.compare import (
     typical_effects,
     where_it_loses,
 )
+from baselines.controllers import design
+from baselines.margins import margins
 from baselines.report.compare_page import build_compare_page
 from baselines.report.teaching_page import build_teaching_page
 from baselines.rl.agents import Agent, save_agent
@@ -200,6 +202,23 @@ def test_the_teaching_page_answers_with_a_learnt_last_column_and_small_pictures(
     page = build_teaching_page(with_agents)
     header = re.search(r"<th.*?</thead>", page[page.index('id="table"') :], re.DOTALL).group()
     assert re.findall(r"<th[^>]*>([^<]*)</th>", header)[-2:] == ["Lab 4", "RL (non_collocated-1)"]
+    # a loop that swings is never called stable without saying so, and every margin has its name
+    rows = {
+        cells[0]: cells[1:]
+        for row in re.findall(r"<tr>(.*?)</tr>", page[page.index('id="table"') :], re.DOTALL)
+        if (cells := re.findall(r"<td[^>]*>([^<]*)</td>", row))
+    }
+    assert "stable" not in rows
+    assert rows["linear loop"][:3] == ["stable", "unstable", "unstable"]
+    assert rows["simulated with friction"][1].startswith("swings ")
+    assert rows["simulated with friction"][2] == "grows"
+    lab4 = design("lab4", with_agents.drive)
+    assert float(rows["GM linear"][-2]) == pytest.approx(
+        margins(with_agents.drive, lab4.controller).gain_margin, rel=0.01
+    )
+    assert float(rows["GM with friction"][-2]) > 2.0 * float(rows["GM linear"][-2])
+    assert "simulated error of x2 in the dwells" in page
+    assert "measured error" not in page
     moving = re.findall(r'<script type="text/plain">([^<]*)</script>', page)
     assert len(moving) == 6
     # four seconds at ten pictures a second, each whole

@@ -4,9 +4,11 @@ import control
 import numpy as np
 import pytest
 
+from baselines.controllers.loop_shaping import stage
 from baselines.experiments import limit_in_the_lab
+from baselines.margins import margins
 from baselines.stability_limit import critical_gain, critical_gain_near, critical_motion, observed_limit
-from baselines.uncertainty import extrapolation, interval_in_words, phase_margin, predict, reasons
+from baselines.uncertainty import extrapolation, interval_in_words, loop_uncertainty, phase_margin, predict, reasons
 from flexdrive_gym import Covariance, Drive
 from flexdrive_gym.drive.drive import Recorded
 from identification import identify, read_recordings
@@ -102,6 +104,18 @@ def test_a_motion_beyond_the_recordings_extrapolates_and_says_why():
     assert reasons(found.values()) == [
         f"critical_gain_x2_simulated extrapolates. {found['critical_gain_x2_simulated'].extrapolated}"
     ]
+
+
+def test_a_loop_keeps_its_margins_on_drives_like_its_own():
+    design = stage("integral", DRIVE)
+    found = loop_uncertainty(DRIVE, design.controller, draws=40)
+    assert found.unstable == 0.0
+    own = margins(DRIVE, design.controller)
+    for name, (low, high) in found.ci95.items():
+        assert low < getattr(own, name) < high
+    # the loop gain at crossover goes with the mass, so 3 % of it are no more than a few per cent of the crossover
+    assert np.diff(found.ci95["crossover"])[0] < 0.3 * own.crossover
+    assert loop_uncertainty(CERTAIN, design.controller) is None
 
 
 def test_open_loop_runs_alone_predict_the_gain_at_which_the_real_rig_rang(shared_recordings):

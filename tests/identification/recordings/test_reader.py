@@ -422,3 +422,41 @@ class TestRigDescription:
         assert run.units is wanted
         with pytest.raises(RecordingError, match="must be measured in rad and N m, as the drive is; got mm and V"):
             self.read(tmp_path, "", units=wanted)
+
+
+def bare_log():
+    return dict(zip(("t", "u", "x1"), open_loop(), strict=False))
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3])
+@pytest.mark.parametrize(
+    ("log", "name"),
+    [
+        *((velocity_log, name) for name in ("t_s", "u_V", "v1_mm_s", "v2_mm_s")),
+        *((position_log, name) for name in ("t_s", "u_V", "x1_mm", "x2_mm", "xr_mm")),
+        *((bare_log, name) for name in ("t", "u", "x1")),
+    ],
+)
+def test_what_is_a_thousand_times_off_is_refused_or_warned_of(tmp_path, log, name, factor):
+    columns = dict(log())
+    columns[name] = columns[name] * factor
+    try:
+        run = read_one(write_csv(tmp_path / "a.csv", columns))
+    except RecordingError as error:
+        said = str(error)
+    else:
+        said = " ".join(run.notes)
+    assert "got " in said or "warning: " in said
+
+
+def test_a_struct_array_of_runs_names_each(tmp_path):
+    log = velocity_log()
+    runs = np.empty(2, dtype=[("t", object), ("u", object), ("v1", object)])
+    for k in range(2):
+        runs[k] = (log["t_s"], (k + 1.0) * log["u_V"], log["v1_mm_s"])
+    scipy.io.savemat(tmp_path / "a.mat", {"run": runs})
+    with pytest.raises(RecordingError, match=r"got run\(1\).u and run\(2\).u, both u"):
+        read_recordings(tmp_path / "a.mat")
+    text = "".join(f'{role} = "run(2).{role}"\n' for role in ("t", "u", "v1"))
+    (run,) = read_recordings(tmp_path / "a.mat", rig=parse_rig("[columns]\n" + text))
+    np.testing.assert_allclose(run.u, 2.0 * log["u_V"])

@@ -1,6 +1,7 @@
 """What is known of the real rig's recordings: how they were driven, and where their encoders failed."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -113,58 +114,13 @@ def test_a_positioning_system_of_one_cart(shared_recordings):
     assert (run.excitation.kind, run.excitation.gain) == ("closed_loop", None)
 
 
-# what a user writes for rigs of other makers; the same descriptions stand in docs/recordings.md
-ECP = """
-[columns]
-u = ["duty", "Control Effort"]
-x1 = ["enc1", "Encoder 1 Pos"]
-x2 = ["enc2", "Encoder 2 Pos"]
-reference = "target_v"
-[units]
-u = { unit = "V", factor = 0.001221 }
-x1 = { unit = "mm", factor = 0.004413 }
-x2 = { unit = "mm", factor = 0.004413 }
-reference = { unit = "mm", factor = 0.004413 }
-"""
-LUGRE = """
-[rig]
-carts = 1
-sample_time = 0.001
-[columns]
-x1 = "1"
-v1 = "2"
-u = "5"
-[units]
-x1 = "rad"
-v1 = "rad/s"
-u = "N m"
-"""
-QUANSER = """
-[columns]
-t = "data_Im1:1"
-u = "data_Im1:3"
-x1 = "data_th11:3"
-x2 = "data_th11:3 + data_th12:3"
-reference = "data_th11:2"
-[units]
-u = "A"
-x1 = "deg"
-x2 = "deg"
-reference = "deg"
-"""
-HSM = """
-[rig]
-carts = 1
-[columns]
-t = "data:1"
-u = "data:5"
-x1 = "data:3"
-v1 = "data:4"
-[units]
-u = "N m"
-x1 = "rad"
-v1 = "rad/s"
-"""
+PAGE = Path(__file__).parents[3] / "docs" / "recordings.md"
+
+
+def described(name):
+    """The rig description of that name on the page."""
+    blocks = re.findall(r"```toml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    return next(rig for rig in map(parse_rig, blocks) if rig.name == name)
 
 
 def test_workspaces_as_the_students_left_them_hold_the_same_runs(shared_recordings, rig_2025):
@@ -194,7 +150,7 @@ def _same_signals(one, other):
 
 def test_another_makers_rig_in_counts(shared_recordings):
     runs = read_recordings(
-        shared_recordings / "ecp210_2025", rig=parse_rig(ECP), only=["07-Feb*09_2*", "07*11_32*", "21*1[01]_*"]
+        shared_recordings / "ecp210_2025", rig=described("ECP 210"), only=["07-Feb*09_2*", "07*11_32*", "21*1[01]_*"]
     )
     assert [run.source for run in runs[:4]] == [
         f"07-Feb-2025 {clock}.txt" for clock in ("09_20_49", "09_26_10", "09_29_44", "11_32_48")
@@ -207,6 +163,8 @@ def test_another_makers_rig_in_counts(shared_recordings):
         assert "time stamps rounded to 0.001 s" in " ".join(run.notes)
         assert run.quantum == pytest.approx((0.004413, 0.004413))
         assert run.units.lab
+    # a spring to ground holds the carts where the effort is: the signs agree in open and in closed loop
+    assert all(np.corrcoef(run.u, run.x1)[0, 1] > 0.5 for run in (*runs[:3], *runs[4:]))
     assert np.max(runs[0].u) == pytest.approx(573 * 0.001221)
     assert "plucked by hand" in " ".join(runs[3].notes)
     assert runs[0].recorded.isoformat() == "2025-02-07T09:20:49"
@@ -215,13 +173,13 @@ def test_another_makers_rig_in_counts(shared_recordings):
 @pytest.mark.parametrize(
     ("folder", "rig", "only", "units"),
     [
-        ("lugre_servo", LUGRE, "*_1.txt", ("rad", "N m")),
-        ("quanser_2dsfl", QUANSER, "lqr_full*", ("deg", "A")),
-        ("hsm150", HSM, "*_1.mat", ("rad", "N m")),
+        ("lugre_servo", "servo axis", "*_1.txt", ("rad", "N m")),
+        ("quanser_2dsfl", "2-DOF serial flexible link", "lqr_full*", ("deg", "A")),
+        ("hsm150", "motor bench", "*_1.mat", ("rad", "N m")),
     ],
 )
 def test_rotary_rigs_by_their_description(shared_recordings, folder, rig, only, units):
-    runs = read_recordings(shared_recordings / folder, rig=parse_rig(rig), only=[only])
+    runs = read_recordings(shared_recordings / folder, rig=described(rig), only=[only])
     assert runs.skipped == ()
     for run in runs:
         assert (run.units.length, run.units.command) == units
