@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import difflib
-from collections import Counter
 from dataclasses import dataclass, replace
-from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +15,8 @@ from identification.recordings.copies import find_copies
 from identification.recordings.dates import seconds_of_stamps
 from identification.recordings.errors import NotARecordingError, RecordingError, broken
 from identification.recordings.faults import find_faults, missing_samples
-from identification.recordings.files import EXTENSIONS, SPREADSHEETS, extension, read_table
+from identification.recordings.files import read_table
+from identification.recordings.folders import collect, short_names, wanted
 from identification.recordings.quantum import encoder_quantum, velocity_cutoff
 from identification.recordings.recognise import recognise_excitation
 from identification.recordings.recording_set import RecordingSet, Skipped
@@ -129,7 +127,7 @@ def read_recordings(
     described = load_rig(rig) if isinstance(rig, str | Path) else rig or Rig()
     _check_names(described, units)
     files = _files([paths] if isinstance(paths, str | Path) else list(paths), described, only, skip)
-    skipped: dict[str, str] = {}
+    skipped: dict[str, Skipped] = {}
     parsed: list[Parsed] = []
     errors: list[RecordingError] = []
     for file, found in zip(files, _parse_all(files), strict=True):
@@ -140,7 +138,7 @@ def read_recordings(
         if strict and not isinstance(error, NotARecordingError):
             raise error
         errors.append(error)
-        skipped[file.name] = str(error).removeprefix(f"{file.source}: ")
+        skipped[file.name] = Skipped(file.source, str(error).removeprefix(f"{file.source}: "))
     scaled = choose_units(described, parsed) if units is None else units
     sound: dict[str, Recording] = {}
     for item in parsed:
@@ -150,14 +148,14 @@ def read_recordings(
             if strict:
                 raise
             errors.append(error)
-            skipped[item.name] = str(error).removeprefix(f"{item.source}: ")
+            skipped[item.name] = Skipped(item.source, str(error).removeprefix(f"{item.source}: "))
     for copy, original in find_copies([item for item in parsed if item.name in sound]):
-        skipped[copy.name] = f"the same run as {original.source}"
+        skipped[copy.name] = Skipped(copy.source, f"the same run as {original.source}")
         del sound[copy.name]
     recordings = list(sound.values())
     if not recordings:
         raise _nothing(paths, files, skipped, errors)
-    listed = [Skipped(file.source, skipped[file.name]) for file in files if file.name in skipped]
+    listed = [skipped[file.name] for file in files if file.name in skipped]
     return RecordingSet(find_faults(_share_quantum(recordings)), listed, described)
 
 
@@ -179,15 +177,17 @@ def _from_the_folder_down(file: _File, error: RecordingError) -> RecordingError:
 
 
 def _nothing(
-    paths: str | Path | Sequence[str | Path], files: list[_File], skipped: dict[str, str], errors: list[RecordingError]
+    paths: str | Path | Sequence[str | Path],
+    files: list[_File],
+    skipped: dict[str, Skipped],
+    errors: list[RecordingError],
 ) -> RecordingError:
     """Return the error for a set without any recording, with every file's reason."""
     if len(files) == 1 and files[0].root is None and errors:
         return errors[0]
     sources: dict[str, list[str]] = {}
-    for file in files:
-        if file.name in skipped:
-            sources.setdefault(skipped[file.name], []).append(file.source)
+    for item in skipped.values():
+        sources.setdefault(item.reason, []).append(item.file)
     lines = [
         f"\n  {own[0]}{f' and {len(own) - 1} more' if len(own) > 1 else ''}: {reason}"
         for reason, own in list(sources.items())[:MOST_REASONS]
@@ -205,10 +205,10 @@ def _files(paths: list[str | Path], rig: Rig, only: Sequence[str], skip: Sequenc
     """Return the files that are asked for."""
     found = [
         (path, root)
-        for path, root in _collect(paths)
-        if _wanted(path if root is None else path.relative_to(root), only, skip)
+        for path, root in collect(paths)
+        if wanted(path if root is None else path.relative_to(root), only, skip)
     ]
-    names = _names([path for path, _ in found])
+    names = short_names([path for path, _ in found])
     files = []
     for (path, root), name in zip(found, names, strict=True):
         source = path.name if root is None else path.relative_to(root).as_posix()
@@ -216,82 +216,8 @@ def _files(paths: list[str | Path], rig: Rig, only: Sequence[str], skip: Sequenc
     return files
 
 
-def _wanted(path: Path, only: Sequence[str], skip: Sequence[str]) -> bool:
-    def matches(patterns: Sequence[str]) -> bool:
-        return any(fnmatchcase(text, pattern) for pattern in patterns for text in (path.as_posix(), path.name))
-
-    return (not only or matches(only)) and not matches(skip)
-
-
 def _shown(paths: str | Path | Sequence[str | Path]) -> str:
     return str(paths) if isinstance(paths, str | Path) else ", ".join(map(str, paths))
-
-
-def _collect(paths: list[str | Path]) -> list[tuple[Path, Path | None]]:
-    """Return each file once, with the folder it was found in, or ``None`` if it was named itself."""
-    found: dict[Path, tuple[Path, Path | None]] = {}
-    if not paths:
-        raise broken("recordings", "paths", "at least one file or folder is needed", "none", "Name one.")
-    for item in paths:
-        path = Path(item)
-        if path.is_dir():
-            for file in _folder(path):
-                found.setdefault(file.resolve(), (file, path))
-        elif path.exists():
-            found[path.resolve()] = (path, None)
-        else:
-            raise _missing(path)
-    return list(found.values())
-
-
-def _folder(folder: Path) -> list[Path]:
-    """Return the files of a folder that may be recordings, hidden ones aside."""
-    # the description is no recording, and neither are hidden files
-    every = sorted(path for path in folder.rglob("*") if path.is_file())
-    visible = [p for p in every if not any(part.startswith(".") for part in p.relative_to(folder).parts)]
-    files = [path for path in visible if extension(path) in (*EXTENSIONS, *SPREADSHEETS)]
-    if not files:
-        other = ", ".join(path.name for path in visible[:5]) or "nothing"
-        raise broken(
-            str(folder),
-            "folder",
-            f"must contain {', '.join(kind for kind in EXTENSIONS if not kind.endswith('.gz'))} files",
-            other,
-            "Export the logs as .csv with a header line such as t_s,u_V,v1_mm_s,v2_mm_s.",
-        )
-    return files
-
-
-def _missing(path: Path) -> RecordingError:
-    parent = path.parent
-    siblings = [item.name for item in parent.iterdir()] if parent.is_dir() else []
-    near = difflib.get_close_matches(path.name, siblings, n=1, cutoff=0.6)
-    remedy = f"Did you mean {near[0]}?" if near else "Check the spelling and the working directory."
-    return broken(str(path), "path", "must exist", "no such file or folder", remedy)
-
-
-def _stem(path: Path) -> str:
-    return path.name[: len(path.name) - len(extension(path))] or path.name
-
-
-def _names(files: list[Path]) -> list[str]:
-    """Return short names, with as many folders in front as it takes to tell equal ones apart."""
-    names = [_stem(path) for path in files]
-    parts = [path.resolve().parts for path in files]
-    for depth in range(1, max((len(p) for p in parts), default=1)):
-        counts = Counter(names)
-        if max(counts.values()) == 1:
-            break
-        names = [
-            "_".join((*parts[k][-1 - depth : -1], _stem(files[k]))) if counts[name] > 1 else name
-            for k, name in enumerate(names)
-        ]
-    # one folder may hold the same run as .csv and as .mat, which no folder in front tells apart
-    counts = Counter(names)
-    return [
-        f"{_stem(path)}_{extension(path)[1:].replace('.', '_')}" if counts[name] > 1 else name
-        for name, path in zip(names, files, strict=True)
-    ]
 
 
 def _parse_all(files: list[_File]) -> list[Parsed | RecordingError]:

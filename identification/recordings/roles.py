@@ -23,6 +23,7 @@ from identification.recordings.columns import (
     read_label,
 )
 from identification.recordings.errors import NotARecordingError, broken
+from identification.recordings.names import combined, resolve
 from identification.recordings.rig import SIGNAL
 from identification.recordings.table import Series
 
@@ -35,8 +36,6 @@ if TYPE_CHECKING:
     from identification.recordings.table import Table
 
 _ROLE = {signal: role for role, signal in SIGNAL.items()}
-_SUM = re.compile(r"\s+([+-])\s+")
-_MATRIX = re.compile(r"^(?P<name>.*?)\s*(?::\s*(?P<a>\d+)|\(\s*(?::\s*,)?\s*(?P<b>\d+)\s*\))$")
 MOST_LISTED = 12
 
 
@@ -146,9 +145,9 @@ def _named(file: _File) -> set[int]:
     resolved: dict[str, Series] = {}
     for role, names in file.rig.columns.items():
         for name in names:
-            parts = _resolve(file.table, name)
+            parts = resolve(file.table, name)
             if parts is not None:
-                resolved[role] = _combined(parts, name)
+                resolved[role] = combined(parts, name)
                 taken |= {id(series) for _, series in parts}
                 break
         else:
@@ -160,56 +159,6 @@ def _named(file: _File) -> set[int]:
     for role, names in file.absent.items():
         _check_absent(file, role, names, taken)
     return taken
-
-
-def _resolve(table: Table, name: str) -> list[tuple[float, Series]] | None:
-    """Return the series, with their signs, that a name in a description stands for."""
-    whole = _one(table, name)
-    if whole is not None:
-        return [(1.0, whole)]
-    pieces = _SUM.split(name)
-    if len(pieces) == 1:
-        return None
-    signs = [1.0, *(1.0 if mark == "+" else -1.0 for mark in pieces[1::2])]
-    found = [_one(table, piece) for piece in pieces[::2]]
-    if any(series is None for series in found):
-        return None
-    return [(sign, series) for sign, series in zip(signs, found, strict=True) if series is not None]
-
-
-def _one(table: Table, name: str) -> Series | None:
-    wanted = name.strip()
-    for series in table.series:
-        if series.named and series.label == wanted:
-            return series
-    matrix = _MATRIX.match(wanted)
-    places = {wanted} | ({f"{matrix['name']}:{matrix['a'] or matrix['b']}"} if matrix else set())
-    found = [series for series in table.series if places & set(series.places)]
-    if not found and wanted.isdigit():  # a column of the only matrix
-        found = [s for s in table.series if not s.named and any(p.rpartition(":")[2] == wanted for p in s.places[:1])]
-        found = found if len(found) == 1 else []
-    if not found:
-        plain = _plain(wanted)
-        found = [
-            s for s in table.series if s.named and plain and plain in {_plain(s.label), _plain(s.label.split("[")[0])}
-        ]
-    return found[0] if found else None
-
-
-def _plain(name: str) -> str:
-    return re.sub(r"[\s_]+", "", name).lower()
-
-
-def _combined(parts: list[tuple[float, Series]], name: str) -> Series:
-    """Return the sum that a description writes."""
-    sign, first = parts[0]
-    if len(parts) == 1 and sign > 0.0:
-        return first
-    size = min(series.values.size for _, series in parts)
-    if any(series.values.size != size for _, series in parts):
-        return Series(name, np.full(0, np.nan), first.clock)
-    total = np.sum([sign * series.values for sign, series in parts], axis=0)
-    return Series(name, total, first.clock, first.group)
 
 
 def _check_absent(file: _File, role: str, names: tuple[str, ...], taken: set[int]) -> None:

@@ -118,6 +118,16 @@ class TestFolders:
             ("copy.csv", "the same run as b.csv"),
         ]
 
+    def test_files_of_one_name_that_are_named_themselves(self, tmp_path):
+        for folder, frequency in (("a", 2.0), ("b", 3.0)):
+            (tmp_path / folder).mkdir()
+            write_csv(tmp_path / folder / "run.csv", velocity_log("sine", 2.5, frequency))
+        (tmp_path / "c").mkdir()
+        (tmp_path / "c" / "run.csv").write_text("notes")
+        runs = read_recordings([tmp_path / folder / "run.csv" for folder in "abc"])
+        assert [run.name for run in runs] == ["a_run", "b_run"]
+        assert [item.file for item in runs.skipped] == ["run.csv"]
+
     def test_replicates_are_no_copies(self, tmp_path):
         log = velocity_log()
         write_csv(tmp_path / "a.csv", log)
