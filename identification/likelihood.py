@@ -41,7 +41,8 @@ from identification.recordings import RecordingSet
 from identification.run_to_run import friction_run_to_run, recorded_range
 from identification.topology import Topology, topology_of
 
-_ROUNDS = 3
+# rounds of weights, and evaluations in each
+_THOROUGH, _QUICK = (3, 30), (2, 8)
 _COARSE = 8
 # a logarithm this uncertain says nothing, and its exponential is still a number
 _UNKNOWN = 300.0
@@ -119,6 +120,7 @@ def identify_by_likelihood(
     damping: bool = False,
     threads: int | None = None,
     topology: Topology | None = None,
+    quick: bool = False,
 ) -> MaximumLikelihood:
     """Fit the drive to all recordings at once.
 
@@ -164,12 +166,12 @@ def identify_by_likelihood(
     begin = {n: v for n, v in {"C": 1e-5, **_positive(found), **known, **fixed}.items() if n in {*names, *tied, *fixed}}
     with ThreadPoolExecutor(threads or len(os.sched_getaffinity(0))) as pool:
         # a few recordings tell which start leads to the best valley; all of them then find its bottom
-        some = runs[:: max(1, round(len(runs) / _COARSE))]
+        some = runs[:: max(1, round(len(runs) / (_COARSE // 2 if quick else _COARSE)))]
         coarse = Descent(some, names, ties, fixed, pool)
         tried = {label: coarse.descend(values, 1, 8) for label, values in _starts(begin, start, topology).items()}
         best = min(tried, key=lambda label: tried[label][1])
         fit = Descent(runs, names, ties, fixed, pool)
-        z, cost, done, _values = fit.descend(tried[best][3], _ROUNDS, 30)
+        z, cost, done, _values = fit.descend(tried[best][3], *(_QUICK if quick else _THOROUGH))
         costs = {label: float(item[1]) for label, item in tried.items()} | {f"{best}, refined": float(cost)}
         return _result(fit, z, used, costs, notes if done else [*notes, _STOPPED])
 

@@ -119,7 +119,7 @@ def identifiability(
         If no recording can be fitted.
     """
     topology = topology_of(some)
-    fit = fit or identify_by_likelihood(some, threads=threads, topology=topology)
+    fit = fit or identify_by_likelihood(some, threads=threads, topology=topology, quick=True)
     chosen, _ = usable(everything)
     counted = _within(chosen, _BUDGET_S)
     names, sizes, covariance = relative_covariance(fit, counted, topology, threads)

@@ -11,7 +11,7 @@ from flexdrive_gym.recording import Fault, Recording
 from flexdrive_gym.units import Units
 from identification.experiment import WORDS, Experiment, Reference
 from identification.readiness.identifiability import READY, Identifiability, short
-from identification.readiness.sessions import TOO_DEAR, Comparison
+from identification.readiness.sessions import HEAD_S, TOO_DEAR, Comparison
 from identification.recordings.faults import gathered
 from identification.recordings.recording_set import RecordingSet
 from identification.selection import Selection
@@ -150,7 +150,7 @@ class Check:
             reasons.append("the base model cannot be fitted")
         reasons += [w.split(":")[0] for w in self.warnings]
         if self.comparison is not None and self.comparison.cost > TOO_DEAR and self.comparison.differing:
-            reasons.append(f"{' and '.join(self.comparison.sessions)} are not one drive")
+            reasons.append(f"{_listed(self.comparison.sessions)} are not one drive")
         if self.found is not None and self.found.unknown:
             reasons.append(f"{', '.join(self.found.unknown)} not known to within {READY:.0%}")
         return reasons
@@ -237,7 +237,7 @@ class Check:
 
     @staticmethod
     def _title(found: Identifiability) -> str:
-        part = "" if found.fitted >= found.available else f"; fitted to the first 8 s of {found.fitted}"
+        part = "" if found.fitted >= found.available else f"; fitted to the first {HEAD_S:g} s of {found.fitted}"
         taken = f"{found.used} of {found.available}" if found.used < found.available else f"all {found.available}"
         return f"what {taken} usable recordings can identify{part}"
 

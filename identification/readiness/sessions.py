@@ -27,7 +27,7 @@ from identification.topology import Topology, topology_of
 
 GAP = timedelta(hours=3)
 # recordings that are fitted in all, and at least of each session; seconds of each
-MOST, FEWEST, HEAD_S = 24, 4, 8.0
+MOST, FEWEST, HEAD_S = 24, 4, 6.0
 # level of the test whether sessions differ, over all parameters
 ALPHA = 0.05
 # squared error by which a joint fit may exceed separate ones for sessions to be called one drive
@@ -240,7 +240,7 @@ def compare_sessions(
         RecordingSet([r for r, s in zip(recordings, sessions, strict=True) if s == n and r.name in used]) for n in names
     ]
     start = dict(joint.drive.values)
-    fits = [identify_by_likelihood(g, threads=threads, topology=topology, start=start) for g in groups]
+    fits = [identify_by_likelihood(g, threads=threads, topology=topology, start=start, quick=True) for g in groups]
     free = [n for n in topology.free if n in joint.drive.values]
     halves = [_half_widths(fit, g, topology, threads) for fit, g in zip(fits, groups, strict=True)]
     tested = {n: _homogeneity([f.drive[n] for f in fits], [h[n] for h in halves]) for n in free}

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flexdrive_gym import Drive, Recording
-from identification import identify_by_likelihood
+from identification import identify_by_likelihood, read_recordings, write_recording
 from identification.readiness.sessions import compare_sessions, given_folders, reduced, sessions_of
 from identification.recordings import RecordingSet
 from tests.drive.drives import RIG
@@ -75,3 +75,11 @@ def test_the_same_rig_twice_has_none(two_rigs):
     found = compare_sessions(runs, ["a"] * 6 + ["b"] * 6, identify_by_likelihood(runs))
     assert found.differing == ()
     assert "no parameter differs" in found.sentence()
+
+
+def test_files_called_alike_in_two_folders_are_all_read(tmp_path):
+    for folder, run in zip("ab", lab_day()[:2], strict=True):
+        write_recording(run, tmp_path / folder / "run.csv")
+    read = read_recordings([tmp_path / "a", tmp_path / "b"])
+    assert [r.source for r in read] == ["run.csv", "run.csv"]
+    assert sessions_of(read, given_folders([tmp_path / "a", tmp_path / "b"], read)) == ("a", "b")
