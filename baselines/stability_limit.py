@@ -21,6 +21,7 @@ from flexdrive_gym.drive.default import HANDOUT_LIMIT_V, HANDOUT_QUANTUM_MM
 from flexdrive_gym.drive.sample import WORK_SPACE
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.references import point_to_point
+from flexdrive_gym.units import Units
 
 Feedback = Literal["x1", "x2"]
 
@@ -165,6 +166,14 @@ class StabilityLimit:
     vibration: float | None
     phase_margin_deg: float | None
     at_gain: float
+
+    def of_rig(self, units: Units) -> StabilityLimit:
+        """Return the limits as the rig's owner reads them."""
+        one = units.one("V/mm")
+        gains = (self.critical_gain_linear, self.critical_gain_margin, self.critical_gain_simulated)
+        linear, margin, simulated = (None if gain is None else gain / one for gain in gains)
+        vibration = None if self.vibration is None else self.vibration / units.one("Hz")
+        return StabilityLimit(linear, margin, simulated, vibration, self.phase_margin_deg, self.at_gain / one)
 
 
 def _finite(value: float, upper: float = math.inf) -> float | None:
