@@ -91,7 +91,7 @@ def study_stability(drive: Drive, at_gain: float = HANDOUT_GAIN, draws: int = DR
 
 
 def _explanation(study: StabilityStudy) -> tuple[str, ...]:
-    drive, limit = study.drive, study.limits["x2"]
+    drive, limit, units = study.drive, study.limits["x2"], study.drive.units
     said = [explain(drive, limit)]
     routh = limit.critical_gain_linear
     if routh is None:
@@ -99,21 +99,23 @@ def _explanation(study: StabilityStudy) -> tuple[str, ...]:
     if study.student is not None and study.student_without_friction is not None:
         said.append(
             "The critical gain found as in the lab, by raising Kp until the vibration grows within four seconds of the "
-            f"trajectory, is {study.student:.4g} V/mm with friction and {study.student_without_friction:.4g} V/mm on the "
-            f"same drive without it (Routh: {routh:.4g} V/mm)."
+            f"trajectory, is {units.text(study.student, 'V/mm')} with friction and "
+            f"{units.text(study.student_without_friction, 'V/mm')} on the same drive without it (Routh: "
+            f"{units.text(routh, 'V/mm')})."
         )
     finite = [s for s in study.curve if np.isfinite(s.factor)]
     if finite and (drive["d1"] > 0.0 or drive["d2"] > 0.0):
         least = min(finite, key=lambda s: s.factor)
         small = finite[0]
         said.append(
-            f"By harmonic balance a vibration of x2 keeps an amplitude of {small.amplitude:.2g} mm at Kp = {small.factor:.3g} "
-            f"V/mm, and one of {least.amplitude:.2g} mm at {least.factor:.3g} V/mm. At a gain in between there is one amplitude "
+            f"By harmonic balance a vibration of x2 keeps an amplitude of {units.text(small.amplitude, 'mm', 2)} at "
+            f"Kp = {units.text(small.factor, 'V/mm', 3)}, and one of {units.text(least.amplitude, 'mm', 2)} at "
+            f"{units.text(least.factor, 'V/mm', 3)}. At a gain in between there is one amplitude "
             "that is kept: smaller vibrations decay, larger ones grow."
         )
         if study.agreement is not None:
             said.append(
-                "For vibrations above 10 mm simulation and harmonic balance agree to "
+                f"For vibrations above {units.text(10.0, 'mm')} simulation and harmonic balance agree to "
                 f"{study.agreement:.1%}. In smaller ones the carts stick in every cycle, so that the motion is no sine, as "
                 "harmonic balance assumes."
             )

@@ -41,6 +41,17 @@ class Units:
         """Whether these are the lab's own units, so that figures need no conversion."""
         return self == LAB
 
+    @property
+    def scale(self) -> str:
+        """Say which scale a rig is simulated on, where figures are told on it; empty for the lab's own units."""
+        if self.lab:
+            return ""
+        return (
+            f"figures of controllers are on the scale of the lab, where the handout's references and limits live: 1 "
+            f"{self.length} is "
+            f"{self.per_length:g} mm, 1 {self.command} is {self.per_command:g} V"
+        )
+
     def name(self, unit: str) -> str:
         """Return the rig's name for one of the lab's units: ``V s²/mm`` becomes ``N m s²/rad``."""
         return _TOKEN.sub(lambda found: self.length if found[1] == "mm" else self.command, unit)

@@ -117,6 +117,8 @@ def compare(
     from flexdrive_gym import load_drive  # noqa: PLC0415
 
     rigs = {label: load_drive(path) for label, path in _labels(drives).items()}
+    for scale in dict.fromkeys(rig.units.scale for rig in rigs.values() if rig.units.scale):
+        typer.echo(f"note: {scale}", err=True)
     asked = _names(controllers) or []
     for file in dict.fromkeys(name.rpartition(":")[0] for name in asked if ".py:" in name):
         typer.echo(f"running the code in {file}", err=True)

@@ -35,6 +35,8 @@ def design(
     from flexdrive_gym import load_drive  # noqa: PLC0415
 
     rig = load_drive(drive)
+    if rig.units.scale:
+        typer.echo(f"note: {rig.units.scale}", err=True)
     asked = Specification(crossover=crossover, gain_margin=gain_margin, phase_margin_deg=phase_margin)
     study = study_lab_4(rig, specification=asked, limits=tuple(limit or LIMITS_V))
     spread = loop_uncertainty(rig, study.stages[-1].design.controller)

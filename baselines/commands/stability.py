@@ -27,21 +27,26 @@ def stability(
         ),
     ] = None,
     gain: Annotated[
-        float, typer.Option(min=0.0, max=1000.0, help="Kp at which the phase margin is stated [V/mm].")
-    ] = 0.05,
+        float | None,
+        typer.Option(
+            min=0.0, max=1e9, help="Kp at which the phase margin is stated [V/mm, or the rig's]; default: 0.05 V/mm."
+        ),
+    ] = None,
     draws: Annotated[
         int, typer.Option(min=0, max=100_000, help="Drives drawn from the covariance, for intervals; 0 for none.")
     ] = 100,
     json: Json = False,
 ) -> None:
     """Print the critical gain of P-control, linear, simulated and as a student finds it, from x1 and from x2."""
+    from baselines.experiments import STABLE_GAIN  # noqa: PLC0415
     from baselines.stability_limit import LARGEST_GAIN  # noqa: PLC0415
     from baselines.stability_study import study_stability  # noqa: PLC0415
     from flexdrive_gym import load_drive  # noqa: PLC0415
 
     rig = load_drive(drive)
     units, one = rig.units, rig.units.one("V/mm")
-    study = study_stability(rig, gain * one, draws)
+    at = STABLE_GAIN if gain is None else gain * one
+    study = study_stability(rig, at, draws)
     of_rig = {name: limit.of_rig(units) for name, limit in study.limits.items()}
     written = []
     if output is not None:
@@ -85,7 +90,7 @@ def stability(
             units.name("gain margin, linear [V/mm]"),
             units.name("simulated with friction [V/mm]"),
             "vibration, linear [rad/s]",
-            f"PM linear at {gain:g} {units.name('V/mm')} [deg]",
+            f"PM linear at {units.text(at, 'V/mm')} [deg]",
         ],
         [
             [
