@@ -7,7 +7,7 @@ RECORDINGS ?=
 OUT ?= demo
 RUNS ?= 10000
 
-.PHONY: demo test bench fuzz lint clean
+.PHONY: demo lab test bench fuzz lint clean
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
@@ -21,6 +21,10 @@ ifeq ($(strip $(RECORDINGS)),)
 else
 	$(BIN)/flexdrive report $(RECORDINGS) -o $(OUT)/report.html
 endif
+
+# the lab in the browser; RECORDINGS=folder begins with other recordings
+lab: $(READY)
+	$(BIN)/flexdrive lab $(RECORDINGS)
 
 test: $(READY)
 	$(BIN)/python -m pytest -m 'not slow'

@@ -21,6 +21,7 @@ from flexdrive_gym.drive.default import HANDOUT_LIMIT_V, HANDOUT_QUANTUM_MM
 from flexdrive_gym.drive.sample import WORK_SPACE
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.references import point_to_point
+from flexdrive_gym.units import Units
 
 Feedback = Literal["x1", "x2"]
 
@@ -166,6 +167,14 @@ class StabilityLimit:
     phase_margin_deg: float | None
     at_gain: float
 
+    def of_rig(self, units: Units) -> StabilityLimit:
+        """Return the limits as the rig's owner reads them."""
+        one = units.one("V/mm")
+        gains = (self.critical_gain_linear, self.critical_gain_margin, self.critical_gain_simulated)
+        linear, margin, simulated = (None if gain is None else gain / one for gain in gains)
+        vibration = None if self.vibration is None else self.vibration / units.one("Hz")
+        return StabilityLimit(linear, margin, simulated, vibration, self.phase_margin_deg, self.at_gain / one)
+
 
 def _finite(value: float, upper: float = math.inf) -> float | None:
     return float(value) if math.isfinite(value) and value <= upper else None
@@ -201,27 +210,29 @@ def stability_limit(drive: Drive, feedback: Feedback, at_gain: float = HANDOUT_G
 
 def explain(drive: Drive, x2: StabilityLimit) -> str:
     """Say in a sentence why the simulated limit differs from the linear one."""
-    linear, simulated = x2.critical_gain_linear, x2.critical_gain_simulated
+    linear, simulated, units = x2.critical_gain_linear, x2.critical_gain_simulated, drive.units
     friction = drive["d1"] + (drive["d2"] if drive.carts == 2 else 0.0)
     if linear is None:
-        return "The linear loop is stable for every gain up to 10 V/mm."
+        return f"The linear loop is stable for every gain up to {units.text(LARGEST_GAIN, 'V/mm')}."
     if simulated is None:
         return (
-            f"The linear loop is unstable above {linear:.4g} V/mm, but with {friction:.3g} V of Coulomb friction and a "
-            "limited command the vibration never grows."
+            f"The linear loop is unstable above {units.text(linear, 'V/mm')}, but with {units.text(friction, 'V', 3)} of Coulomb "
+            "friction and a limited command the vibration never grows."
         )
     change = 100.0 * (simulated / linear - 1.0)
     if abs(change) < 1.0:
         return f"Simulated and linear limit agree to {abs(change):.1f} %: friction hardly matters on this drive."
     if change > 0.0:
         return (
-            f"Coulomb friction ({friction:.3g} V) raises the limit by {change:.0f} %, from {linear:.4g} to {simulated:.4g} "
-            "V/mm. On a vibration of velocity amplitude V a friction d acts as a viscous damper 4d/(πV): the larger the "
+            f"Coulomb friction ({units.text(friction, 'V', 3)}) raises the limit by {change:.0f} %, from "
+            f"{units.text(linear, 'V/mm')} to {units.text(simulated, 'V/mm')}. On a vibration of velocity amplitude V "
+            "a friction d acts as a viscous damper 4d/(πV): the larger the "
             "vibration, the weaker the damping. The limit therefore depends on the amplitude, and after a larger disturbance "
             "the loop is unstable at a smaller gain."
         )
     return (
-        f"The simulated limit lies {-change:.0f} % below the linear one ({simulated:.4g} against {linear:.4g} V/mm): "
+        f"The simulated limit lies {-change:.0f} % below the linear one ({units.text(simulated, 'V/mm')} against "
+        f"{units.text(linear, 'V/mm')}): "
         "sampling and delays take phase that the linear model does not know."
     )
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, pi
 
 import numpy as np
@@ -22,7 +22,6 @@ import numpy as np
 from baselines.experiments import STABLE_GAIN, limit_in_the_lab, p_control
 from baselines.margins import margins
 from baselines.stability_limit import (
-    LARGEST_GAIN,
     Feedback,
     critical_gain,
     critical_gain_near,
@@ -33,6 +32,7 @@ from baselines.stability_limit import (
 from flexdrive_gym import Drive, LinearController, PControl, Recording
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.references import STROKE_MM
+from flexdrive_gym.units import Units
 
 DRAWS = 100
 _SETTLED_S, _MEAN_S = 6.0, 0.5
@@ -67,6 +67,17 @@ class Predicted:
     unit: str
     extrapolated: str | None
     draws: int
+
+    def of_rig(self, units: Units) -> Predicted:
+        """Return the figure as the rig's owner reads it."""
+        one = units.one(self.unit)
+
+        def shown(x: float | None) -> float | None:
+            return None if x is None else x / one
+
+        interval = None if self.ci95 is None else (shown(self.ci95[0]), shown(self.ci95[1]))
+        unit = units.name(self.unit)
+        return replace(self, value=shown(self.value), median=shown(self.median), ci95=interval, unit=unit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +174,7 @@ def extrapolation(drive: Drive, motion: Recording) -> str | None:
     if len(places) > 1:
         found.append(("the deflection", float(np.max(np.abs(places[0] - places[1]))), reached.deflection, "mm"))
     beyond = [
-        f"{what} reaches {value:.3g} {unit}, {limit:.3g} {unit} were recorded"
+        f"{what} reaches {drive.units.text(value, unit, 3)}, {drive.units.text(limit, unit, 3)} were recorded"
         for what, value, limit, unit in found
         if value > _BEYOND * limit
     ]
@@ -306,7 +317,7 @@ def interval_in_words(p: Predicted, digits: int = 4) -> str:
     """Return the 95 % interval of a prediction, for people; a dash without one."""
     if p.ci95 is None or p.ci95 == (None, None):
         return "–"
-    low, high = (f"none below {LARGEST_GAIN:g}" if x is None else f"{x:.{digits}g}" for x in p.ci95)
+    low, high = ("no limit" if x is None else f"{x:.{digits}g}" for x in p.ci95)
     return f"{low} … {high}"
 
 

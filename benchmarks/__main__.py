@@ -11,6 +11,7 @@ from benchmarks import (
     environment,
     false_alarms,
     friction_by_run,
+    lab,
     learners,
     learning,
     magnet,
@@ -38,6 +39,7 @@ ALL = {
 # these take minutes to hours, and options of their own
 LONG = {
     "diagnosis": diagnosis.main,
+    "lab": lab.main,
     "false_alarms": false_alarms.main,
     "friction_by_run": friction_by_run.main,
     "learners": learners.main,

@@ -76,6 +76,5 @@ def mean_reversal(recording: Recording, velocities: Sequence[FloatArray] | None 
             found.append(pieces - pieces[:, before - rest : before].mean(axis=1, keepdims=True))
     if not found:
         return None
-    return Reversal(
-        recording.name, np.arange(-before, after) * h, np.asarray(np.mean(found, axis=0), dtype=np.float64), len(found)
-    )
+    t = np.asarray(np.arange(-before, after) * h, dtype=np.float64)
+    return Reversal(recording.name, t, np.asarray(np.mean(found, axis=0), dtype=np.float64), len(found))

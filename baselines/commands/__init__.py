@@ -18,6 +18,7 @@ from baselines.commands import (
     diagnose,
     experiment,
     identify,
+    lab,
     report,
     stability,
     train,
@@ -38,7 +39,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for _module in (
-    demo, check, identify, validate, stability, experiment, diagnose, design, train, compare, report, blind, benchmark
+    demo, check, identify, validate, stability, experiment, diagnose, design, train, compare, report, lab, blind, benchmark
 ):  # fmt: skip
     app.command(cls=Command)(getattr(_module, _module.__name__.rsplit(".", 1)[-1]))
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
@@ -108,10 +110,24 @@ def say(text: str) -> None:
 def progress() -> Iterator[Progress]:
     """Show progress on standard error, so that standard output stays clean; nothing where that is no terminal."""
     from rich.console import Console  # noqa: PLC0415
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn  # noqa: PLC0415
+    from rich.progress import (  # noqa: PLC0415
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TaskID,
+        TextColumn,
+        TimeElapsedColumn,
+    )
+
+    class Lines(Progress):
+        def update(self, task_id: TaskID, **changes: Any) -> None:
+            if changes.get("description") not in {None, self.tasks[task_id].description}:
+                print(changes["description"], file=sys.stderr, flush=True)
+            super().update(task_id, **changes)
 
     console = Console(stderr=True)
-    with Progress(
+    kind = Lines if os.environ.get("FLEXDRIVE_PROGRESS") == "lines" else Progress
+    with kind(
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from baselines.report import control_plots as plots
 from baselines.report.discussion import measure_p_control
 from baselines.report.page import Section, render
+from baselines.stability_limit import LARGEST_GAIN
 from baselines.stability_study import StabilityStudy
 from baselines.uncertainty import interval_in_words, reasons
 from flexdrive_gym import Recording, __version__
@@ -39,32 +40,36 @@ def build_stability_page(study: StabilityStudy) -> str:
     )
 
 
-def _cell(value: float | None) -> str:
-    return "none below 10" if value is None else f"{value:.4g}"
+def _cell(value: float | None, one: float = 1.0) -> str:
+    return "no limit" if value is None else f"{value / one:.4g}"
 
 
 def _limits(study: StabilityStudy) -> Section:
-    section = Section("Limits", "limits")
+    section, units, one = Section("Limits", "limits"), study.drive.units, study.drive.units.one("V/mm")
     rows = [
         (name, _cell(v.critical_gain_linear), _cell(v.critical_gain_margin), _cell(v.critical_gain_simulated),
          "–" if v.vibration is None else f"{v.vibration:.3g}", "–" if v.phase_margin_deg is None else f"{v.phase_margin_deg:.1f}")
-        for name, v in study.limits.items()
+        for name, v in ((name, limit.of_rig(units)) for name, limit in study.limits.items())
     ]  # fmt: skip
     at = next(iter(study.limits.values())).at_gain
     section.table(
-        ("feedback", "critical gain by Routh, linear [V/mm]", "by the gain margin, linear [V/mm]",
-         "simulated with friction, one move [V/mm]", "vibration, linear [rad/s]", f"PM linear at {at:g} V/mm [deg]"),
+        ("feedback", units.name("critical gain by Routh, linear [V/mm]"), units.name("by the gain margin, linear [V/mm]"),
+         units.name("simulated with friction, one move [V/mm]"), "vibration, linear [rad/s]",
+         f"PM linear at {units.text(at, 'V/mm')} [deg]"),
         rows,
     )  # fmt: skip
     section.text(
-        "Linear: of the continuous loop without friction; the gain margin at 1 V/mm is the critical gain. Simulated with "
-        "friction, counts and limit: the least gain at which x2 swings more than 25 mm in the last six of twelve seconds "
-        "after one move."
+        f"No limit: none below {units.text(LARGEST_GAIN, 'V/mm')}. Linear: of the continuous loop without friction; the gain "
+        f"margin at a gain of 1 {units.name('V/mm')} is the critical gain. Simulated with friction, counts and limit: the least "
+        f"gain at which x2 swings more than {units.text(25.0, 'mm')} in the last six of twelve seconds after one move."
     )
     if study.drive.carts == 2:
         section.table(
-            ("as a student finds it, from x2, simulated", "critical gain [V/mm]"),
-            [("with friction", _cell(study.student)), ("without friction", _cell(study.student_without_friction))],
+            ("as a student finds it, from x2, simulated", units.name("critical gain [V/mm]")),
+            [
+                ("with friction", _cell(study.student, one)),
+                ("without friction", _cell(study.student_without_friction, one)),
+            ],
         )
     return section
 
@@ -80,7 +85,7 @@ def _intervals(study: StabilityStudy) -> Section:
         ("figure", "of the drive", "median", "95 % interval", "unit", "extrapolated"),
         [
             (p.name, _cell(p.value), _cell(p.median), interval_in_words(p), p.unit, "yes" if p.extrapolated else "no")
-            for p in drawn
+            for p in (p.of_rig(study.drive.units) for p in drawn)
         ],
     )
     for sentence in reasons(drawn):
@@ -102,10 +107,11 @@ def _theory(study: StabilityStudy) -> Section:
 
 
 def _amplitude(study: StabilityStudy) -> Section:
-    section = Section("Why friction raises the limit", "amplitude")
+    section, units = Section("Why friction raises the limit", "amplitude"), study.drive.units
+    one = units.one("V/mm")
     routh = study.limits["x2"].critical_gain_linear
     if routh is None or not study.curve:
-        section.text("The linear loop has no limit below 10 V/mm.")
+        section.text(f"The linear loop has no limit below {study.drive.units.text(LARGEST_GAIN, 'V/mm')}.")
         return section
     section.text(
         "Dry friction takes the same force from a small vibration as from a large one, so it damps "
@@ -120,8 +126,19 @@ def _amplitude(study: StabilityStudy) -> Section:
         "Gain at which a vibration of x2 keeps its size: harmonic balance and trials on the simulated drive.",
     )
     section.table(
-        ("amplitude [mm]", "frequency [rad/s]", "harmonic balance [V/mm]", "simulated [V/mm]"),
-        [(f"{s.amplitude:.3g}", f"{s.omega:.4g}", f"{s.factor:.4g}", f"{kp:.4g}") for s, kp in study.tried],
+        [
+            units.name(name)
+            for name in (
+                "amplitude [mm]",
+                "frequency [rad/s]",
+                "harmonic balance [V/mm]",
+                "simulated [V/mm]",
+            )
+        ],
+        [
+            (f"{s.amplitude / units.one('mm'):.3g}", f"{s.omega:.4g}", f"{s.factor / one:.4g}", f"{kp / one:.4g}")
+            for s, kp in study.tried
+        ],
     )
     return section
 
@@ -132,20 +149,23 @@ def _linearly(study: StabilityStudy, feedback: str, gain: float) -> str:
 
 
 def _runs(study: StabilityStudy, runs: Mapping[str, Recording], title: str, anchor: str) -> Section:
-    section = Section(title, anchor)
+    section, units = Section(title, anchor), study.drive.units
     rows = []
     for number, run in runs.items():
         if run.x2 is not None:
             m = measure_p_control(run)
             rows.append(
-                (number, _TITLES[number], m.feedback, f"{m.gain:.4g}", f"{m.error_rms:.2f}", f"{m.error_peak:.1f}",
-                 f"{m.dwell_error:.2f}", f"{m.vibration:.2f}", _linearly(study, m.feedback, m.gain),
+                (number, _TITLES[number], m.feedback, f"{m.gain / units.one('V/mm'):.4g}",
+                 *(f"{x / units.one('mm'):.3g}" for x in (m.error_rms, m.error_peak, m.dwell_error, m.vibration)),
+                 _linearly(study, m.feedback, m.gain),
                  "yes" if m.unstable else "no")
             )  # fmt: skip
     if rows:
         section.table(
-            ("section", "case", "feedback", "Kp [V/mm]", "rms e [mm]", "peak |e| [mm]", "|e| in dwells [mm]",
-             "x2 swing in dwells [mm]", "linear loop", "simulated: grows"),
+            [units.name(name) for name in (
+                "section", "case", "feedback", "Kp [V/mm]", "rms e [mm]", "peak |e| [mm]", "|e| in dwells [mm]",
+                "x2 swing in dwells [mm]", "linear loop", "simulated: grows",
+            )],
             rows,
         )  # fmt: skip
     for number, run in runs.items():

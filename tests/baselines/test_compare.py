@@ -221,8 +221,9 @@ def test_the_teaching_page_answers_with_a_learnt_last_column_and_small_pictures(
     assert "measured error" not in page
     moving = re.findall(r'<script type="text/plain">([^<]*)</script>', page)
     assert len(moving) == 6
-    # four seconds at ten pictures a second, each whole
-    assert all(len(frames.split(" ")) == 40 and len(frames) < 600_000 for frames in moving)
+    # ten pictures a second, both ends included
+    sizes = [(len(frames.split(" ")), len(frames)) for frames in moving]
+    assert all(count == round(10 * with_agents.duration) + 1 and size < 400_000 for count, size in sizes), sizes
     assert all(base64.b64decode(frame).startswith(b"\x89PNG") for frame in moving[0].split(" "))
     assert page.count('type="range"') == 6
 

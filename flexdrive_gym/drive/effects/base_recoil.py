@@ -63,11 +63,11 @@ EFFECT = Effect(
     where=("guide",),
     equation="m_i·(dv_i/dt + a_b) = F_i,  M·a_b = -kb·x_b - cb·dx_b/dt - Σ(F_i - Fs_i),  M = kb/ω_b²;  x1, x2 relative to x_b",
     parameters=(
-        Parameter("compliance", "mm/V", 0.0, 0.0, 1.0, "1/kb: how far a volt pushes the track", (5e-3, 1.5e-2)),
+        Parameter("compliance", "mm/V", 0.0, 0.0, 1.0, "1/kb: how far a volt pushes the track", (5e-3, 3e-2)),
         Parameter(
             "frequency", "Hz", 34.0, 2.0, 200.0, "of the track without the carts' masses", (34.0, 26.0), role="shape"
         ),
-        Parameter("zeta", "1", 0.05, 0.0, 1.0, "its damping ratio, cb/(2·M·ω_b)", (0.05, 0.2), role="shape"),
+        Parameter("zeta", "1", 0.05, 0.0, 1.0, "its damping ratio, cb/(2·M·ω_b)", (0.05, 0.5), role="shape"),
     ),
     hooks={"track": _track, "rates": _rates},
     states=("x_b", "v_b"),

@@ -1,0 +1,345 @@
+"""Recordings: drop them, check, identify, overlay, diagnose, download. Nothing leaves the machine."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from shutil import copytree
+from time import monotonic
+from typing import Any
+
+from nicegui import ui
+
+from baselines.lab_page import texts
+from baselines.lab_page.elements import Drop, Plot, card, heading, paragraph, text_of
+from baselines.lab_page.jobs import Job, JobError
+from baselines.lab_page.overlay import Signal, overlay, signals
+from baselines.lab_page.session import Session
+from baselines.sample import FOLDER as SAMPLE_FOLDER
+from flexdrive_gym import Drive, Recording, load_drive
+from identification import RecordingError, read_recordings
+from identification.recordings import RecordingSet
+
+_MOST_LISTED = 60
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table as HTML; nothing in it is markup."""
+    top = "".join(f"<th scope='col'>{text_of(cell)}</th>" for cell in head)
+    body = "".join("<tr>" + "".join(f"<td>{text_of(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+    return f"<div class='lab-scroll'><table class='lab-table'><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>"
+
+
+class Workbench:
+    """Folder, overlay and computations of one set of recordings; the panel and the exercise each have one.
+
+    Parameters
+    ----------
+    session
+        The visitor's.
+    folder
+        Name of the folder within the visitor's.
+    add_drive
+        Takes a drive that was found: key, drive.
+    """
+
+    def __init__(self, session: Session, folder: str, add_drive: Callable[[str, Drive], None]) -> None:
+        self.session, self._name, self._add_drive = session, folder, add_drive
+        self.job, self.found = Job(), RecordingSet((), ())
+        self.drive: Drive | None = None
+        self._span: tuple[float, float] | None = None
+        self._quiet = False
+
+    @property
+    def folder(self) -> Path:
+        """Where the recordings are."""
+        return self.session.folder / self._name
+
+    @property
+    def results(self) -> Path:
+        """Where computations write."""
+        return self.session.folder / f"{self._name}-results"
+
+    def sources(self) -> list[str]:
+        """Return what commands are given: the visitor's files, or the command line's."""
+        if self.folder.is_dir() and any(p.is_file() for p in self.folder.rglob("*")):
+            return [str(self.folder)]
+        return [str(p) for p in self.session.lab.recordings] if self._name == "recordings" else []
+
+    def rig_options(self) -> list[str]:
+        """Return the option that names the description of the columns, where there is one."""
+        own = sorted(self.folder.rglob("rig.toml")) if self.folder.is_dir() else []
+        rig = own[0] if own else (self.session.lab.rig if self._name == "recordings" else None)
+        return ["--rig", str(rig)] if rig is not None else []
+
+    # ---- elements ------------------------------------------------------------------------------------------------------------
+    def build_overlay(self) -> None:
+        """Build the choice of recording and signal, and the chart."""
+        with card(classes="lab-wide") as self._overlay_card:
+            heading(texts.OVERLAY)
+            with ui.element("div").classes("lab-row"):
+                self.recording = ui.select({}, label=texts.RECORDING, on_change=self._chosen).props(
+                    "dense options-dense"
+                )
+                self.signal = ui.select({}, label=texts.CHANNEL, on_change=self._chosen).props("dense options-dense")
+            self.plot = Plot(self._brushed)
+            self.fit = paragraph("", "lab-soft")
+            paragraph(texts.OVERLAY_HINT, "lab-soft")
+        self._overlay_card.set_visibility(False)
+
+    def build_results(self) -> None:
+        """Build where stages, errors and findings are shown."""
+        with card() as self._results_card:
+            with ui.element("div").props('role="status" aria-live="polite"'):
+                self.status = paragraph("")
+                self.stages = ui.html("", sanitize=False)
+            self.cancel = ui.button(texts.CANCEL, on_click=self.job.cancel).props("outline dense no-caps")
+            self.outcome = ui.element("div").classes("lab-stack")
+        self._results_card.set_visibility(False)
+        self.cancel.set_visibility(False)
+
+    async def read(self) -> None:
+        """Read what is in the folder and offer it."""
+        sources = self.sources()
+        self._span = None
+        rig = self.rig_options()
+        if not sources:
+            self.found = RecordingSet((), ())
+        else:
+            try:
+                self.found = await asyncio.to_thread(
+                    read_recordings, [Path(s) for s in sources], rig=Path(rig[1]) if rig else None
+                )
+            except (RecordingError, ValueError, OSError) as error:
+                self.found = RecordingSet((), ())
+                self.say(str(error))
+        self._overlay_card.set_visibility(len(self.found) > 0)
+        self._quiet = True
+        names = {r.name: f"{r.name} ({r.excitation.text(r.units)})" for r in self.found}
+        chosen = self.recording.value if self.recording.value in names else next(iter(names), None)
+        self.recording.set_options(names, value=chosen)
+        self._quiet = False
+        await self._chosen()
+
+    def say(self, words: str) -> None:
+        """Show a sentence where results are."""
+        self._results_card.set_visibility(True)
+        self.status.set_text(words)
+
+    def _current(self) -> Recording | None:
+        return next((r for r in self.found if r.name == self.recording.value), None)
+
+    async def _chosen(self, _e: Any = None) -> None:
+        recording = self._current()
+        if self._quiet or recording is None:
+            return
+        have = signals(recording)
+        self._quiet = True
+        self.signal.set_options({s: s for s in have}, value=self.signal.value if self.signal.value in have else have[0])
+        self._quiet = False
+        self._span = None
+        await self.draw()
+
+    async def _brushed(self, low: float | None, high: float | None) -> None:
+        self._span = None if low is None or high is None else (low, high)
+        await self.draw()
+
+    async def draw(self) -> None:
+        """Draw the overlay."""
+        recording, signal = self._current(), self.signal.value
+        if recording is None or signal is None:
+            return
+        drive = self.drive
+        if drive is None and self.session.drive.units == recording.units and self._name == "recordings":
+            drive = self.session.drive
+        known: Signal = signal
+        chart, rms = await asyncio.to_thread(overlay, drive, recording, known, self._span)
+        self.plot.show(chart)
+        unit = recording.units.name("mm/s" if known[0] == "v" else "mm")
+        words = "" if rms is None else texts.FIT_RMS.format(rms=f"{rms:.3g} {unit}")
+        self.fit.set_text(f"{words}, {drive.name}" if words and drive is not None else words)
+
+    # ---- computations --------------------------------------------------------------------------------------------------------
+    async def command(self, what: str, *arguments: str) -> dict[str, Any] | None:
+        """Run a command on the recordings, show its stages; ``None`` where it failed and said why."""
+        sources = self.sources()
+        if self.job.running:
+            ui.notify(texts.BUSY, type="warning")
+            return None
+        if not sources:
+            self.say(texts.NOTHING_READ)
+            return None
+        seen: list[str] = []
+        begin = monotonic()
+
+        def tell(stage: str) -> None:
+            seen.append(stage)
+            self.status.set_text(texts.RUNNING.format(what=what, stage=stage))
+            shown = "".join(f"<li>{text_of(s)}</li>" for s in seen[-40:])
+            self.stages.set_content(f"<ol class='lab-stages'>{shown}</ol>")
+
+        self._results_card.set_visibility(True)
+        self.cancel.set_visibility(True)
+        self.outcome.clear()
+        tell(texts.READING)
+        try:
+            answer = await self.job.run([arguments[0], *sources, *self.rig_options(), *arguments[1:]], tell)
+        except JobError as error:
+            self.say(str(error))
+            return None
+        finally:
+            self.cancel.set_visibility(False)
+            self.stages.set_content("")
+        self.say(texts.DONE.format(what=what, seconds=monotonic() - begin))
+        return answer
+
+    async def identify(self) -> None:
+        """Identify, show the quantities, take the drive."""
+        drive = self.results / "drive.toml"
+        self.results.mkdir(parents=True, exist_ok=True)
+        answer = await self.command(texts.IDENTIFY, "identify", "--no-compare-tied", "-o", str(drive))
+        if answer is None:
+            return
+        with self.outcome:
+            ui.html(
+                table((texts.QUANTITY, texts.VALUE, texts.INTERVAL, texts.UNIT), _quantities(answer)), sanitize=False
+            )
+            self._links(self.results, ("drive.toml",))
+        await self._take(drive, texts.IDENTIFIED, "identified")
+
+    async def diagnose(self) -> dict[str, Any] | None:
+        """Diagnose, show findings, take the drive; return the diagnosis."""
+        folder = self.results / "diagnosis"
+        answer = await self.command(texts.DIAGNOSE, "diagnose", "-o", str(folder))
+        if answer is None:
+            return None
+        with self.outcome:
+            heading(texts.VERDICTS.get(answer["verdict"], answer["verdict"]), 3)
+            for finding in answer["findings"]:
+                paragraph(finding["statement"], "lab-finding")
+            for located in answer.get("located", [])[:3]:
+                where = located["where"].replace("_", " ")
+                paragraph(f"{where}: {located['share_of_error']:.0%}. {located.get('evidence', '')}", "lab-soft")
+            self._links(folder, ("report.html", "diagnosis.json", "drive.toml"))
+        await self._take(folder / "drive.toml", texts.DIAGNOSED, "diagnosed")
+        return answer
+
+    async def report(self) -> None:
+        """Make the handout's report."""
+        target = self.results / "handout" / "report.html"
+        answer = await self.command(texts.REPORT, "report", "-o", str(target))
+        if answer is not None:
+            with self.outcome:
+                self._links(target.parent, ("report.html",))
+
+    async def _take(self, path: Path, name: str, key: str) -> None:
+        self.drive = load_drive(path).replace(name=name)
+        if self._name == "recordings":
+            self._add_drive(key, self.drive)
+        await self.draw()
+
+    def _links(self, folder: Path, names: Sequence[str]) -> None:
+        below = folder.relative_to(self.session.folder)
+        with ui.element("div").classes("lab-row"):
+            for name in names:
+                address = f"/file/{self.session.token}/{below.as_posix()}/{name}"
+                if name.endswith(".html"):
+                    ui.link(texts.SHOW_REPORT, address, new_tab=True)
+                ui.link(texts.DOWNLOAD.format(name=name), f"{address}?download=1")
+
+
+def _quantities(answer: dict[str, Any]) -> list[list[str]]:
+    rows = []
+    for name, q in answer["quantities"].items():
+        if q.get("value") is None:
+            continue
+        bounds = q.get("ci95")
+        interval = "" if bounds is None else f"{bounds[0]:.4g} … {bounds[1]:.4g}"
+        rows.append([name, f"{q['value']:.4g}", interval, q.get("unit", "")])
+    return rows
+
+
+class RecordingsPanel:
+    """The panel.
+
+    Parameters
+    ----------
+    session
+        The visitor's.
+    add_drive
+        Takes a drive that was found.
+    """
+
+    def __init__(self, session: Session, add_drive: Callable[[str, Drive], None]) -> None:
+        self.session = session
+        self.bench = Workbench(session, "recordings", add_drive)
+        with card():
+            paragraph(texts.RECORDINGS_LEAD)
+            Drop(f"/upload/{session.token}", self._sent)
+            with ui.element("div").classes("lab-row"):
+                ui.button(texts.IDENTIFY, on_click=self.bench.identify).props("dense no-caps unelevated")
+                ui.button(texts.DIAGNOSE, on_click=self.bench.diagnose).props("dense no-caps unelevated")
+                ui.button(texts.REPORT, on_click=self.bench.report).props("dense no-caps outline")
+                ui.button(texts.SAMPLE, on_click=self._sample).props("flat dense no-caps")
+                ui.button(texts.FORGET, on_click=self._forget).props("flat dense no-caps")
+            self.refused = ui.html("", sanitize=False)
+            with ui.element("div").classes("lab-listed").props('tabindex="0"'):
+                self.listed = ui.html(f"<p>{texts.NOTHING_READ}</p>", sanitize=False)
+        self.bench.build_results()
+        self.bench.build_overlay()
+
+    async def begin(self) -> None:
+        """Read what the command line gave."""
+        if self.session.lab.recordings:
+            await self.refresh()
+
+    async def _sent(self, refused: list[str]) -> None:
+        self.refused.set_content("".join(f"<p class='lab-note' role='alert'>{text_of(r)}</p>" for r in refused[:20]))
+        await self.refresh()
+
+    async def _sample(self) -> None:
+        await asyncio.to_thread(copytree, SAMPLE_FOLDER, self.bench.folder, dirs_exist_ok=True)
+        await self.refresh()
+
+    async def _forget(self) -> None:
+        self.bench.job.cancel()
+        self.session.close()
+        self.bench.drive = None
+        self.refused.set_content("")
+        await self.refresh()
+
+    async def refresh(self) -> None:
+        """Read again and list what was understood."""
+        self.listed.set_content(f"<p>{texts.READING}</p>")
+        await self.bench.read()
+        found = self.bench.found
+        if not len(found) and not found.skipped:
+            self.listed.set_content(f"<p>{texts.NOTHING_READ}</p>")
+            return
+        count = texts.HOW_MANY.format(count=len(found), skipped=len(found.skipped))
+        rows = [
+            [r.name, r.excitation.text(r.units), str(r.n), ", ".join(name for name, _v in r.channels())]
+            for r in found[:_MOST_LISTED]
+        ]
+        html = f"<h2>{texts.EXPERIMENTS_READ}: {text_of(count)}</h2>"
+        html += "".join(
+            f"<p class='lab-note'>{text_of(texts.UNREADABLE.format(file=s.file, reason=s.reason))}</p>"
+            for s in found.skipped[:_MOST_LISTED]
+        )
+        self.listed.set_content(html + (table(texts.COLUMNS_READ, rows) if rows else ""))
+        await self._check()
+
+    async def _check(self) -> None:
+        """Add the verdict of ``flexdrive check``, where this version has it."""
+        if find_spec("baselines.commands.check") is None or self.bench.job.running:
+            return
+        try:
+            sources = [*self.bench.sources(), *self.bench.rig_options()]
+            answer = await Job().run(["check", *sources], lambda _stage: None)
+        except JobError:
+            return
+        words = texts.READY if answer.get("ready") else texts.NOT_READY
+        told = [words, *answer.get("trade_offs", []), *answer.get("advice", [])]
+        self.refused.set_content("".join(f"<p>{text_of(str(line))}</p>" for line in told[:12]))
