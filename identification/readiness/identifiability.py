@@ -63,6 +63,8 @@ class Identifiability:
         Best fit of the base model.
     half_width
         Parameter to its relative 95 % half width.
+    sizes
+        What that is relative to: the parameter's value; where it is nearly none, see :func:`sizes_of`.
     trade_offs
         One sentence for each combination that recordings leave open.
     sums
@@ -73,6 +75,7 @@ class Identifiability:
 
     fit: MaximumLikelihood
     half_width: Mapping[str, float]
+    sizes: Mapping[str, float]
     trade_offs: tuple[str, ...]
     sums: Mapping[str, float]
     fitted: int
@@ -127,6 +130,7 @@ def identifiability(
     return Identifiability(
         fit,
         half,
+        dict(zip(names, map(float, sizes), strict=True)),
         trade_offs(names, sizes, covariance, units),
         _sums(names, sizes, covariance),
         len(some),

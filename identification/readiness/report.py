@@ -227,7 +227,7 @@ class Check:
             found.append(
                 (
                     self._title(self.found),
-                    ["parameter", "value", "95 %", "unit", "determined"],
+                    ["parameter", "value", "95 % half width", "unit", "determined"],
                     self._parameters(self.found),
                 )
             )
@@ -247,7 +247,8 @@ class Check:
         rows = []
         for name, width in found.half_width.items():
             value, unit = self.units.of_rig(found.fit.drive[name], parameter(name).unit)
-            shown = f"± {width:.0%}" if width < READY * 4 else "unknown"
+            half = self.units.of_rig(width * found.sizes[name], parameter(name).unit)[0]
+            shown = f"± {half:.2g}" if width < READY * 4 else "unknown"
             rows.append([short(name), f"{value:.4g}", shown, unit, "yes" if found.determined[name] else "no"])
         return rows
 

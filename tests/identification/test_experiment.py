@@ -1,5 +1,6 @@
 """What a recording is, told from its data: kinds of experiment, held carts, commands that are references."""
 
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,9 @@ import pytest
 from flexdrive_gym import Drive, PControl, Recording
 from flexdrive_gym.units import Units
 from identification.experiment import as_reference, experiment_of, held_carts
-from identification.recordings import recognise_excitation
+from identification.readiness.sessions import sessions_of
+from identification.recordings import read_recordings, recognise_excitation
+from identification.recordings.rig import parse_rig
 from identification.selection import select
 from identification.topology import GROUND_MASS
 from tests.drive.drives import RIG
@@ -101,3 +104,30 @@ def test_commands_are_commands():
 def test_no_usable_recording_names_the_reasons():
     with pytest.raises(ValueError, match="1 recording without command left out"):
         select([Recording("rest", T, 0.0 * T, x1=0.0 * T)]).require()
+
+
+ECP = """
+[units]
+u = { unit = "V", factor = 0.001221 }
+x1 = { unit = "mm", factor = 0.004413 }
+x2 = { unit = "mm", factor = 0.004413 }
+"""
+
+
+def test_another_makers_rig_is_understood(shared_recordings):
+    runs = read_recordings(shared_recordings / "ecp210_2025", rig=parse_rig(ECP), only=["*.txt"])
+    chosen = select(runs)
+    # as its owners describe their days
+    assert len(chosen.usable) == 7
+    assert all(name.startswith("07-Feb") for name in (r.source for r in chosen.usable))
+    assert sum(carts == (2,) for carts in chosen.held.values()) == 11
+    assert sum(carts == (1,) for carts in chosen.held.values()) == 10
+    assert sorted(r.source[:12] for r, why in chosen.left_out if why == "reference") == ["21-Feb-2025 "] * 5
+
+
+def test_two_sessions_ten_days_apart(shared_recordings):
+    runs = read_recordings(shared_recordings / "mte360_2025_raw")
+    assert Counter(sessions_of(runs)) == {"2025-11-10": 15, "2025-11-20": 18}
+    kinds = Counter(map(experiment_of, runs))
+    assert kinds == {"square": 18, "sine": 14, "p_control": 1}
+    assert len(select(runs).usable) == 33
