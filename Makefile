@@ -5,8 +5,9 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 RECORDINGS ?=
 OUT ?= demo
+RUNS ?= 10000
 
-.PHONY: demo lab test bench lint clean
+.PHONY: demo lab test bench fuzz lint clean
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
@@ -27,6 +28,10 @@ lab: $(READY)
 
 test: $(READY)
 	$(BIN)/python -m pytest -m 'not slow'
+
+# damaged recordings and rig descriptions, seeded; RUNS=100000 for more
+fuzz: $(READY)
+	$(BIN)/python -m tests.identification.recordings.fuzz --runs $(RUNS)
 
 bench: $(READY)
 	$(BIN)/python -m benchmarks

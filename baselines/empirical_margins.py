@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf, isfinite, nan
 from typing import Literal
 
 import numpy as np
@@ -54,11 +54,33 @@ class EmpiricalMargins:
         Largest delay of the command [s]; inf where 1 s does not.
     on
         ``linear`` or ``full`` drive.
+    swing
+        Of the cart that swings most in the last six seconds of the trial with nothing changed, peak to peak [mm]: what vibration
+        stays. On the linear drive it is what is left of the start.
     """
 
     gain_margin: float
     delay_margin: float
     on: On
+    swing: float = nan
+
+
+class NoMarginsError(ValueError):
+    """The loop grows as it is.
+
+    Attributes
+    ----------
+    swing
+        As in :class:`EmpiricalMargins`; inf where the motion leaves all bounds.
+    """
+
+    def __init__(self, message: str, swing: float) -> None:
+        super().__init__(message)
+        self.swing = swing
+
+    def __reduce__(self) -> tuple[type[NoMarginsError], tuple[str, float]]:
+        """Travel between processes with both arguments."""
+        return NoMarginsError, (str(self), self.swing)
 
 
 def _split(drive: Drive, delay: float, sample_time: float) -> tuple[Drive, int]:
@@ -73,11 +95,11 @@ def _split(drive: Drive, delay: float, sample_time: float) -> tuple[Drive, int]:
 def _runs(
     drive: Drive, controller: Controller, gains: Sequence[float], delays: Sequence[float], xr: FloatArray,
     start: FloatArray, sample_time: float,
-) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-    """Run every pair of gain and delay; return x2 (x1 if rigid) and the command, ndarray, shape (pairs, n)."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
+    """Run every pair of gain and delay; return x1, x2 (x1 if rigid) and the command, ndarray, shape (pairs, n)."""
     drives, late = zip(*(_split(drive, delay, sample_time) for delay in delays), strict=True)
     out = run_many(controller, drives, xr, gains=gains, late=late, start=start, sample_time=sample_time)
-    return np.asarray(out[:, 2 if drive.carts == 2 else 0]), np.asarray(out[:, 4])
+    return np.asarray(out[:, 0]), np.asarray(out[:, 2 if drive.carts == 2 else 0]), np.asarray(out[:, 4])
 
 
 def _grows_linear(x: FloatArray) -> bool:
@@ -132,7 +154,7 @@ def empirical_margins(
 
     Raises
     ------
-    ValueError
+    NoMarginsError
         If the loop already grows without any change.
     """
     plant = linear_part(drive) if on == "linear" else with_rig(drive)
@@ -144,8 +166,15 @@ def empirical_margins(
     if isinstance(controller, LinearController) and on == "linear":
         controller = controller.replace(limit=inf, friction=0.0, shaper=((0, 1.0),))
 
+    late = slice(-round(_WINDOW_S / sample_time), None)
+    swing: float | None = None
+
     def grows(gains: Sequence[float], delays: Sequence[float]) -> list[bool]:
-        x, u = _runs(plant, controller, gains, delays, xr, start, sample_time)
+        nonlocal swing
+        first, x, u = _runs(plant, controller, gains, delays, xr, start, sample_time)
+        if swing is None:  # the first trial changes nothing
+            both = np.array([first[0, late], x[0, late]])
+            swing = float(np.max(np.ptp(both, axis=1))) if np.max(np.abs(both)) < _FAR_MM else inf
         # a run that leaves all bounds is a run that grows
         with np.errstate(over="ignore", invalid="ignore"):
             if on == "linear":
@@ -154,7 +183,10 @@ def empirical_margins(
             return [_grows_full(*pair, limit, sample_time) for pair in zip(x, u, strict=True)]
 
     if grows([1.0], [0.0])[0]:
-        raise ValueError(f"controller: the loop on {plant.name!r} grows as it is; it has no margins.")
+        raise NoMarginsError(
+            f"controller: the loop on {plant.name!r} grows as it is; it has no margins.",
+            inf if swing is None else swing,
+        )
     at_once = _AT_ONCE if runs_abreast(controller) else 1
     gain_margin = delay_margin = float("nan")
     if "gain" in quantities:
@@ -163,7 +195,7 @@ def empirical_margins(
     if "delay" in quantities:
         scan = np.geomspace(sample_time, LARGEST_DELAY_S, 41)
         delay_margin = _largest(lambda values: grows([1.0] * len(values), values), scan, at_once)
-    return EmpiricalMargins(gain_margin, delay_margin, on)
+    return EmpiricalMargins(gain_margin, delay_margin, on, inf if swing is None else swing)
 
 
 def _largest(grows: Callable[[Sequence[float]], list[bool]], scan: FloatArray, at_once: int) -> float:

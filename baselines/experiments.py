@@ -56,11 +56,16 @@ def p_control(
     return replace(run, excitation=excitation, v1=None, v2=None)
 
 
-def limit_in_the_lab(drive: Drive) -> float | None:
+def limit_in_the_lab(drive: Drive, near: float | None = None) -> float | None:
     """Return the gain at which four seconds of the repeating trajectory begin to grow, as a student finds it (2.2).
 
     It lies below :func:`~baselines.stability_limit.critical_gain`: every move of the trajectory pushes the vibration anew,
     and friction holds a small vibration but not a large one.
+
+    Parameters
+    ----------
+    near
+        Limit of a drive much like this one: the gains around it are tried first.
 
     Returns
     -------
@@ -68,7 +73,12 @@ def limit_in_the_lab(drive: Drive) -> float | None:
         Kp [V/mm], to 0.2 %; ``None`` where nothing grows below 10 V/mm.
     """
     scan = np.geomspace(STABLE_GAIN, LARGEST_GAIN, 41)
+    if near is not None and not grows(p_control(drive, 0.6 * near, "x2")):
+        # as finely as the whole scan
+        scan = near * np.geomspace(0.6, 1.6, 9)
     first = next((i for i, gain in enumerate(scan) if grows(p_control(drive, float(gain), "x2"))), None)
+    if first is None and near is not None:
+        return limit_in_the_lab(drive)
     if first is None:
         return None
     if first == 0:
@@ -84,8 +94,13 @@ def open_loop(drive: Drive, kind: Literal["square", "sine"], amplitude: float, f
     """Run an open-loop excitation for 8 s (2.5, 2.6); velocities are recorded as the rig makes them."""
     t = _times(DURATION_S)
     u = (square if kind == "square" else sine)(t, amplitude, frequency)
-    run = with_rig(drive).simulate(t, u, name=f"{kind}_{amplitude:.1f}V_{frequency:.1f}Hz")
+    run = with_rig(drive).simulate(t, u, name=f"{kind}_{_short(amplitude)}V_{_short(frequency)}Hz")
     return replace(run, excitation=Excitation(kind, amplitude, frequency), x1=None, x2=None)
+
+
+def _short(value: float) -> str:
+    """Return a number for a file's name: with one decimal as on the rig, with more where two values would share a name."""
+    return f"{value:.1f}" if abs(value - round(value, 1)) < 1e-9 else f"{value:g}"
 
 
 def stability_experiments(drive: Drive) -> dict[str, Recording]:

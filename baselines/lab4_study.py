@@ -158,8 +158,8 @@ def check(specification: Specification, found: Margins, values: Lab4) -> tuple[L
     return (
         _line("crossover", f"{s.crossover:g} rad/s", f"{found.crossover:.2f} rad/s", abs(off) <= _CROSSOVER_TOLERANCE,
               f"{off:+.1%}"),
-        _line("gain margin", f"≥ {s.gain_margin:g}", f"{found.gain_margin:.2f}", gm >= 0.0, f"{-gm:.2f}"),
-        _line("phase margin", f"≥ {s.phase_margin_deg:g}°", f"{found.phase_margin_deg:.1f}°", pm >= 0.0, f"{-pm:.1f}°"),
+        _line("gain margin, linear", f"≥ {s.gain_margin:g}", f"{found.gain_margin:.2f}", gm >= 0.0, f"{-gm:.2f}"),
+        _line("phase margin, linear", f"≥ {s.phase_margin_deg:g}°", f"{found.phase_margin_deg:.1f}°", pm >= 0.0, f"{-pm:.1f}°"),
         _line(
             "steady-state error to a step disturbance", "0", _static(found), not isfinite(found.static_stiffness),
             "" if not isfinite(found.static_stiffness) else f"{1.0 / found.static_stiffness:.2f} mm per V",

@@ -13,7 +13,7 @@ from math import inf, pi
 import numpy as np
 
 from baselines.loops import closed_loop_response, is_stable, loop_response
-from flexdrive_gym import Drive, LinearController
+from flexdrive_gym import Drive, LinearController, PControl
 from flexdrive_gym.recording import FloatArray
 
 _POINTS = 2400
@@ -73,7 +73,7 @@ def frequencies(drive: Drive, sample_time: float) -> FloatArray:
     return np.union1d(wide, np.linspace(0.6 * around, 1.6 * around, _POINTS // 3))
 
 
-def margins(drive: Drive, controller: LinearController) -> Margins:
+def margins(drive: Drive, controller: LinearController | PControl) -> Margins:
     """Return the margins of a controller on the linear part of a drive.
 
     Parameters
@@ -81,14 +81,27 @@ def margins(drive: Drive, controller: LinearController) -> Margins:
     drive
         Its masses, dampers, spring and input delay count.
     controller
-        A linear controller; command limit, friction compensation and shaper do not count.
+        A linear controller, or P-control at 1 kHz; command limit, friction compensation and shaper do not count.
+
+    Raises
+    ------
+    TypeError
+        For a controller that is not linear.
     """
     import control  # noqa: PLC0415  (costs a second; used here only)
 
+    if isinstance(controller, PControl):
+        controller = controller.linear()
+    if not isinstance(controller, LinearController):
+        raise TypeError(
+            f"controller: must be a LinearController or PControl; got {type(controller).__name__}. Make one by "
+            "LinearController.from_tf or from_ss, or find margins by trial: baselines.empirical_margins."
+        )
+
     omega = frequencies(drive, controller.sample_time)
     L = loop_response(drive, controller, omega)
-    measured = control.frd(L, omega, smooth=True)
-    gm, pm, _sm, w_pc, w_gc, _w_sm = control.stability_margins(measured, returnall=True)
+    points = control.frd(L, omega, smooth=True)
+    gm, pm, _sm, w_pc, w_gc, _w_sm = control.stability_margins(points, returnall=True)
     crossover = float(np.max(w_gc)) if len(w_gc) else float("nan")
     if not is_stable(drive, controller):
         nothing = float("nan")

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from flexdrive_gym import Controller, Drive, Excitation, Observation, Recording
+from flexdrive_gym.drive.simulate import FAR, command_of
 from flexdrive_gym.environment import FlexDriveEnv
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.task import Task
@@ -57,11 +58,13 @@ def run_in_environment(env: FlexDriveEnv, controller: Controller, *, seed: int |
             f"controller: made for {own:g} s; the environment acts every {period:g} s. Pass control_period={own:g}."
         )
     _seen, info = env.reset(seed=seed)
-    controller.reset()
+    reset = getattr(controller, "reset", None)  # a plain function has no past to forget
+    if reset is not None:
+        reset()
     rows, done, clock = [], False, 0
     while not done:
         observation = observe(info, clock * period)
-        u = float(np.clip(controller(observation), -base.task.voltage, base.task.voltage))
+        u = float(np.clip(command_of(controller, observation), -base.task.voltage, base.task.voltage))
         rows.append((observation.t, u, observation.x1, observation.x2, observation.v1, observation.v2, observation.xr))
         _seen, _reward, terminated, truncated, info = env.step(np.array([u / base.task.voltage], dtype=np.float32))
         done, clock = terminated or truncated, clock + 1
@@ -99,7 +102,7 @@ class PolicyController:
     policy: Policy
     task: Task
     sample_time: float = 1e-3
-    reference: FloatArray | None = None
+    reference: FloatArray | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         ratio = self.task.control_period / self.sample_time
@@ -170,7 +173,12 @@ class PolicyBatch:
         Returns
         -------
         ndarray, shape (rigs,)
-            [V]; 0 where the policy's answer is no number, and the run shows it.
+            [V]; 0 where a run left all bounds, so that the policy saw no numbers either.
+
+        Raises
+        ------
+        ValueError
+            If the policy answers finite readings with what is no finite number.
         """
         seen = self._entries(xr, readings)
         self._period += 1
@@ -182,7 +190,17 @@ class PolicyBatch:
             past = [seen] * getattr(self._policy, "history", 1) if self._past is None else [seen, *self._past[:-1]]
             self._past = past
             actions = np.asarray(many(np.hstack(past)), dtype=np.float64)[:, 0]
-        self._u = self._task.voltage * np.clip(np.where(np.isfinite(actions), actions, 0.0), -1.0, 1.0)
+        fine = np.isfinite(actions)
+        if not fine.all():
+            odd = np.flatnonzero(~fine & (np.abs(readings).max(axis=1) < FAR))
+            if odd.size:
+                t = (self._period - 1) * self._task.control_period
+                raise ValueError(
+                    f"policy: must return a finite action; got {actions[odd[0]]} at t = {t:g} s from finite readings. Look for "
+                    "the nan in its weights or in what it makes of the observation."
+                )
+            actions = np.where(fine, actions, 0.0)
+        self._u = self._task.voltage * np.clip(actions, -1.0, 1.0)
         return self._u
 
     def _entries(self, xr: float, readings: FloatArray) -> npt.NDArray[np.float32]:

@@ -2,25 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from math import pi
+from collections.abc import Mapping, Sequence
 
-import numpy as np
-
-from baselines.experiments import STABLE_GAIN, limit_in_the_lab
-from baselines.stability_limit import (
-    Feedback,
-    ObservedLimit,
-    critical_gain,
-    linear_critical_gain,
-    observed_limit,
-    with_rig,
-)
-from flexdrive_gym import Drive, PControl, Recording
+from baselines.experiments import STABLE_GAIN
+from baselines.stability_limit import Feedback, ObservedLimit, observed_limit
+from baselines.uncertainty import figures, settled_error
+from flexdrive_gym import Drive, Recording
 from flexdrive_gym.references import STROKE_MM
 from identification.mismatch.verdict import Diagnosis, Prediction
-
-_SETTLED_S, _MEAN_S = 6.0, 0.5
 
 
 def predictions(diagnosis: Diagnosis, recordings: Sequence[Recording] = ()) -> tuple[Prediction, ...]:
@@ -33,7 +22,7 @@ def predictions(diagnosis: Diagnosis, recordings: Sequence[Recording] = ()) -> t
     """
     split = diagnosis.split
     seen = observed_limit(recordings or (*split.learn, *split.prove, *split.loops))
-    before, after = _figures(diagnosis.free), _figures(diagnosis.drive)
+    before, after = _values(diagnosis.free), _values(diagnosis.drive)
     return tuple(
         Prediction(name, value, after[name][0], unit, _words(seen) if name == _LAB else "")
         for name, (value, unit) in before.items()
@@ -41,30 +30,22 @@ def predictions(diagnosis: Diagnosis, recordings: Sequence[Recording] = ()) -> t
 
 
 _LAB = "gain from x2 at which the lab's trajectory grows"
+_TITLES: Mapping[str, str] = {
+    "critical_gain_x2_linear": "critical gain from x2, linear",
+    "critical_gain_x2_simulated": "critical gain from x2, simulated",
+    "critical_gain_x2_trajectory": _LAB,
+    "resonance_hz": "resonance frequency",
+    "damping_ratio": "damping ratio",
+}
 
 
-def _figures(drive: Drive) -> dict[str, tuple[float | None, str]]:
+def _values(drive: Drive) -> dict[str, tuple[float | None, str]]:
     feedback: Feedback = "x2" if drive.carts == 2 else "x1"
-    found: dict[str, tuple[float | None, str]] = {}
-    if drive.carts == 2:
-        found["critical gain from x2, linear"] = (linear_critical_gain(drive, "x2"), "V/mm")
-        found["critical gain from x2, simulated"] = (critical_gain(drive, "x2"), "V/mm")
-        found[_LAB] = (limit_in_the_lab(drive), "V/mm")
-        vibrates = drive.linear.omega_d > 0.0
-        found["resonance frequency"] = (drive.linear.omega_n / (2.0 * pi) if vibrates else None, "Hz")
-        found["damping ratio"] = (drive.linear.zeta if vibrates else None, "–")
+    known = figures(drive)
+    found = {title: (known[name].of(drive), known[name].unit) for name, title in _TITLES.items() if name in known}
     name = f"error of {feedback} after a {STROKE_MM:g} mm step at Kp = {STABLE_GAIN:g} V/mm"
     found[name] = (settled_error(drive, feedback), "mm")
-    return found
-
-
-def settled_error(drive: Drive, feedback: Feedback = "x2", gain: float = STABLE_GAIN) -> float:
-    """Return xr - x that P-control leaves after a step of 50 mm, mean over the last half second of six [mm]."""
-    t = np.arange(round(_SETTLED_S / 1e-3)) * 1e-3
-    run = with_rig(drive).simulate_closed_loop(t, np.full(len(t), STROKE_MM), PControl(gain, feedback))
-    x = run.x1 if feedback == "x1" else run.x2
-    assert x is not None
-    return float(STROKE_MM - np.mean(x[-round(_MEAN_S / 1e-3) :]))
+    return {title: (value, "–" if unit == "1" else unit) for title, (value, unit) in found.items()}
 
 
 def _words(seen: ObservedLimit) -> str:

@@ -17,6 +17,7 @@ from baselines.policies import PolicyBatch, PolicyController
 from flexdrive_gym import Controller, Drive, LinearController, Observation
 from flexdrive_gym.drive.abreast import Abreast
 from flexdrive_gym.drive.linear_controller import run_batch
+from flexdrive_gym.drive.simulate import command_of
 from flexdrive_gym.recording import FloatArray
 
 RIG_TIME_S = 1e-3
@@ -83,7 +84,7 @@ def run_many(
     Raises
     ------
     ValueError
-        If the controller's sample time is no whole multiple of the rig's.
+        If the controller's sample time is no whole multiple of the rig's, or it answers finite readings with no finite command.
     """
     reference = np.asarray(xr, dtype=np.float64)
     if isinstance(controller, Previewed):
@@ -144,7 +145,7 @@ def _alone(controller: Controller, rig: Abreast, xr: FloatArray, gain: float, la
         reset()
     for i in range(n):
         x1, x2, v1, v2 = map(float, rig.readings[0])
-        u = float(controller(Observation(i * rig.sample_time, float(xr[i]), x1, x2, v1, v2)))
+        u = command_of(controller, Observation(i * rig.sample_time, float(xr[i]), x1, x2, v1, v2))
         asked[late + i] = u if np.isfinite(u) else 0.0
         out[:, :, i : i + 1] = rig.advance(np.array([[gain * asked[i]]]))
     return out

@@ -10,12 +10,15 @@ from benchmarks import (
     diagnosis,
     environment,
     false_alarms,
+    friction_by_run,
     lab,
     learners,
     learning,
     magnet,
     overlay,
     real_rigs,
+    recordings,
+    reversals,
     sim_to_real,
     speed,
 )
@@ -26,6 +29,7 @@ ALL = {
     "environment": environment.main,
     "learning": learning.main,
     "real_rigs": real_rigs.main,
+    "recordings": recordings.main,
     "coverage": coverage.main,
     "blind_nuisance": blind_nuisance.main,
     "controllers": controllers.main,
@@ -37,7 +41,9 @@ LONG = {
     "diagnosis": diagnosis.main,
     "lab": lab.main,
     "false_alarms": false_alarms.main,
+    "friction_by_run": friction_by_run.main,
     "learners": learners.main,
+    "reversals": reversals.main,
     "sim_to_real": sim_to_real.main,
 }
 

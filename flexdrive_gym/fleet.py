@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
-from math import ceil, sqrt
+from math import ceil, isfinite, sqrt
 from sys import getrefcount
 from typing import Any
 
@@ -187,12 +187,25 @@ class Fleet:
             kernels.reset_fleet(address, self._everyone if which is None else which, begin, self.z)
 
     def step(self) -> Outputs:
-        """Advance all drives by one control period under ``actions``; return :attr:`outputs`, others than before."""
-        out = self.outputs = self._unused()
+        """Advance all drives by one control period under ``actions``; return :attr:`outputs`, others than before.
+
+        Raises
+        ------
+        ValueError
+            If an action is no finite number; no drive was advanced then.
+        """
+        out = self._unused()
         if self._pool is None:
             self.kernel(out.addresses[0], self.z)
             self.ended = out.ended[0][0]
+            if self.ended < 0:
+                self.refuse()
+            self.outputs = out
             return out
+        # shares of the work are refused one by one, and none shall be done without the others
+        if not isfinite(np.add.reduce(self.actions)) and not np.isfinite(self.actions).all():
+            self.refuse()
+        self.outputs = out
         # every thread takes shares until none is left, so that one that is late or never scheduled costs little
         shares = deque(out.addresses)
         jobs = [self._pool.submit(self._take, shares) for _ in range(self._helpers)]
@@ -202,6 +215,24 @@ class Fleet:
                 job.result()
         self.ended = sum(view[0] for view in out.ended)
         return out
+
+    def refuse(self) -> None:
+        """Raise what says which action is no finite number."""
+        self.ended = 0
+        odd = np.flatnonzero(~np.isfinite(self.actions))
+        first = self.actions[odd[0]]
+        which = "" if self.n == 1 else f" for drive {odd[0]}" + (f" and {odd.size - 1} more" if odd.size > 1 else "")
+        raise ValueError(
+            f"action: must be a finite number, command over the voltage limit; got {first}{which}. No drive was advanced; look "
+            "for the nan in what gave the action."
+        )
+
+    def drawn(self) -> dict[str, FloatArray]:
+        """Return the drawn parameters of the present episodes by name, shape (n,) each; empty without randomisation."""
+        names, which = self.task.randomisation.names, self.arrays["which"]
+        values = {name: self.p[:, i] for name, i in zip(names, which, strict=True)}
+        # a vector of parameters holds inverse masses
+        return {n: 1.0 / v if n in parameters.MASS_PARAMETERS else v.copy() for n, v in values.items()}
 
     def _take(self, shares: deque[int]) -> None:
         while shares:

@@ -21,7 +21,9 @@ from flexdrive_gym.recording import FloatArray
 ReferenceFunction: TypeAlias = Callable[..., npt.ArrayLike]
 ReferenceSpec: TypeAlias = str | tuple[str, Mapping[str, float]] | npt.ArrayLike | ReferenceFunction
 
-FORMS = "a name, a tuple (name, {keyword: value}), an array of positions [mm] or a function of t [s]"
+FORMS = (
+    "a name, a text 'name:keyword=value:…', (name, {keyword: value}), an array of positions [mm] or a function of t [s]"
+)
 
 
 @dataclass(frozen=True)
@@ -91,10 +93,31 @@ def _hint(name: str, names: Iterable[str]) -> str:
     return f"Did you mean {' or '.join(map(repr, near))}?" if near else f"Choose from {', '.join(names) or 'none'}."
 
 
+def split(text: str) -> tuple[str, dict[str, float]]:
+    """Return name and keywords of ``name`` or ``name:keyword=value:…``.
+
+    Raises
+    ------
+    ValueError
+        For a keyword without a number.
+    """
+    name, *given = text.split(":")
+    keywords = {}
+    for item in given:
+        key, _, value = item.partition("=")
+        try:
+            keywords[key.strip()] = float(value)
+        except ValueError as error:
+            raise ValueError(
+                f"reference: must be name:keyword=number:…; got {text!r}. Try sine:amplitude=10."
+            ) from error
+    return name.strip(), keywords
+
+
 def _parse(spec: Any, registry: Registry) -> tuple[str, ReferenceKind, dict[str, float]]:
     """Return name, kind and complete keywords of a name or of a tuple (name, keywords)."""
     if isinstance(spec, str):
-        spec = (spec, {})
+        spec = split(spec)
     name = spec[0]
     if name not in registry:
         raise ValueError(f"reference: no reference is called {name!r}. {_hint(name, registry)}")

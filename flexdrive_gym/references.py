@@ -318,7 +318,7 @@ def sample_reference(spec: ReferenceSpec, t: npt.ArrayLike, rng: np.random.Gener
     spec
         One of
 
-        * a name in :data:`REFERENCES`, with its default keywords;
+        * a name in :data:`REFERENCES`, with its default keywords, or ``"name:keyword=value:…"``;
         * a tuple (name, {keyword: value});
         * an array of positions [mm], shape (m,), one per sample; its last value is held when m < n;
         * a function f(t) or f(t, rng) of all instants at once that returns ndarray, shape (n,) [mm].

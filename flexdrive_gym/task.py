@@ -7,7 +7,7 @@ environment are made from the same task.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from difflib import get_close_matches
 from math import inf, isfinite
 from pathlib import Path
@@ -64,8 +64,8 @@ class Task:
     drive
         A :class:`~flexdrive_gym.Drive`, the path of a ``drive.toml``, or ``None`` for the documented default.
     reference
-        Name in :data:`~flexdrive_gym.references.REFERENCES`, (name, arguments), array at control periods, or function
-        of time [mm].
+        Name in :data:`~flexdrive_gym.references.REFERENCES`, ``"name:keyword=value:…"``, (name, arguments), array at control
+        periods, or function of time [mm].
     control_period, physics_step
         [s]; the period is a whole number of steps.
     duration
@@ -133,6 +133,11 @@ class Task:
             )
         if self.duration < self.control_period:
             raise ValueError(f"duration: must be at least one control period; got {self.duration:g} s.")
+        given: Any = self.preview
+        if isinstance(given, str) or not isinstance(given, Iterable):
+            raise TypeError(
+                f"preview: must be a list of times ahead [s]; got {self.preview!r}. Try preview=(0.02, 0.05)."
+            )
         object.__setattr__(self, "preview", tuple(self.preview))
         if not all(_is_number(a) and 0.0 <= a <= 10.0 for a in self.preview):
             raise ValueError(f"preview: must be times ahead between 0 and 10 s; got {self.preview!r}.")
@@ -204,7 +209,7 @@ class Task:
             rig = load_drive(self.drive)
         else:
             raise TypeError(f"drive: must be a Drive or the path of a drive.toml; got {type(self.drive).__name__}.")
-        changes = dict(self.effects or {})
+        changes = _mapping("effects", self.effects, "{'input_delay.tau': 0.002}")
         for i in range(1, rig.carts + 1):
             if self.quantum is not None:
                 changes[f"encoder_quantisation.encoder_{i}.quantum"] = self.quantum
@@ -221,7 +226,7 @@ class Task:
             raise ValueError(f"effects: {error.args[0]}") from error
 
     def _weights(self) -> dict[str, float]:
-        given = dict(self.reward or {})
+        given = _mapping("reward", self.reward, "{'effort': 0.1}")
         for name, value in given.items():
             _member("reward", name, DEFAULT_REWARD)
             if not _is_number(value) or not 0.0 <= value < inf:
@@ -233,16 +238,18 @@ class Task:
             return Randomisation()
         if isinstance(self.randomise, str):
             return self._identified()
-        names = tuple(self.randomise)
-        for name, bounds in self.randomise.items():
+        ranges = _mapping("randomise", self.randomise, "'identified' or {'m1': (6e-4, 9e-4)}")
+        names = tuple(ranges)
+        for name, bounds in ranges.items():
             spec = _specification("randomise", name)
-            if len(tuple(bounds)) != 2 or not spec.lower <= bounds[0] <= bounds[1] <= spec.upper:
+            pair = isinstance(bounds, tuple | list | np.ndarray) and len(bounds) == 2 and all(map(_is_number, bounds))
+            if not pair or not spec.lower <= bounds[0] <= bounds[1] <= spec.upper:
                 raise ValueError(
                     f"randomise: {name} must be (low, high) within [{spec.lower:g}, {spec.upper:g}] {spec.unit}; got {bounds!r}."
                 )
             if (self.rig.carts == 1) and name in {"m2", "b2", "d2", "k", "C"}:
                 raise ValueError(f"randomise: a rigid drive has no {name}.")
-        low, high = (np.array([self.randomise[n][i] for n in names], dtype=np.float64) for i in (0, 1))
+        low, high = (np.array([ranges[n][i] for n in names], dtype=np.float64) for i in (0, 1))
         return Randomisation(names, low, high)
 
     def _identified(self) -> Randomisation:
@@ -291,10 +298,94 @@ def _positive(name: str, value: Any) -> None:
 
 
 def _member(name: str, value: Any, allowed: Mapping[str, Any]) -> None:
-    if value not in allowed:
-        near = get_close_matches(str(value), list(allowed), n=1)
-        hint = f" Did you mean {near[0]!r}?" if near else ""
-        raise ValueError(f"{name}: must be among {', '.join(allowed)}; got {value!r}.{hint}")
+    if not isinstance(value, str) or value not in allowed:
+        raise ValueError(f"{name}: must be among {', '.join(allowed)}; got {value!r}.{_near(str(value), allowed)}")
+
+
+def _near(value: str, allowed: Iterable[str]) -> str:
+    near = get_close_matches(value, list(allowed), n=1)
+    return f" Did you mean {near[0]!r}?" if near else ""
+
+
+def _mapping(name: str, value: Any, example: str) -> dict[str, Any]:
+    """Return a dictionary by names, or say what was given instead."""
+    if value is None:
+        return {}
+    if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
+        raise TypeError(f"{name}: must be a mapping from names to values; got {value!r}. Try {name}={example}.")
+    return dict(value)
+
+
+def check_arguments(given: Iterable[str], own: Iterable[str]) -> None:
+    """Refuse arguments that neither a :class:`Task` nor the environment itself (its ``own``) has, with the nearest name."""
+    known = [*(f.name for f in fields(Task) if f.init), *own]
+    for name in given:
+        if name not in known:
+            raise TypeError(
+                f"{name}: the environment has no such argument; it has {', '.join(known)}.{_near(name, known)}"
+            )
+
+
+STATES = ("x1", "v1", "x2", "v2")
+
+
+def start_state(task: Task, options: Mapping[str, Any] | None, also: tuple[str, ...] = ()) -> tuple[float, ...]:
+    """Return the state x1, v1, x2, v2 [mm, mm/s] from which the ``options`` of a reset start.
+
+    Parameters
+    ----------
+    task
+        Whose carts and limits count.
+    options
+        ``state`` with all four, or any of ``x1``, ``v1``, ``x2``, ``v2``; those that are not given are 0.
+    also
+        Names of options that mean something else and are left alone.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For an unknown option, a value that is no finite number, or a start beyond a limit at which an episode ends.
+    """
+    if not options:
+        return 0.0, 0.0, 0.0, 0.0
+    given = _mapping("options", options, "{'x1': 10.0}")
+    carts = STATES if task.rig.carts == 2 else STATES[:2]
+    known = ("state", *carts, *also)
+    for name in given:
+        if name not in known:
+            raise ValueError(f"options: must be among {', '.join(known)}; got {name!r}.{_near(name, known)}")
+    if "state" in given and any(name in given for name in carts):
+        raise ValueError(f"options: give the whole state or single {', '.join(carts)}, not both; got {given!r}.")
+    if "state" in given:
+        whole = given["state"]
+        if np.shape(whole) != (4,) or not all(map(_is_number, whole)):
+            raise ValueError(
+                f"options: state must be four finite numbers x1, v1, x2, v2 [mm, mm/s]; got {whole!r}. Or give some by name: "
+                "{'x1': 10.0}."
+            )
+        values = dict(zip(STATES, map(float, whole), strict=True))
+    else:
+        for name in carts:
+            if not _is_number(given.get(name, 0.0)):
+                raise ValueError(f"options: {name} must be one finite number [mm, mm/s]; got {given[name]!r}.")
+        values = {name: float(given.get(name, 0.0)) for name in STATES}
+    _check_start(task, values)
+    return tuple(values.values())
+
+
+def _check_start(task: Task, at: Mapping[str, float]) -> None:
+    two = task.rig.carts == 2
+    for name in ("x1", "x2") if two else ("x1",):
+        if abs(at[name]) > task.travel_limit:
+            raise ValueError(
+                f"options: {name} must be within the travel of ±{task.travel_limit:g} mm, beyond which an episode ends; got "
+                f"{at[name]:g}."
+            )
+    if two and abs(at["x1"] - at["x2"]) > task.stroke_limit:
+        raise ValueError(
+            f"options: x1 - x2 must be within the spring's stroke of ±{task.stroke_limit:g} mm, beyond which an episode ends; "
+            f"got {at['x1'] - at['x2']:g}. Give x1 and x2."
+        )
 
 
 def _specification(argument: str, name: str) -> Any:

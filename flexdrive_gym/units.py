@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 _FACTOR = re.compile(r"^(mm|Hz|V|s)([⁰¹²³⁴⁵⁶⁷⁸⁹⁻]*)$")
-_TOKEN = re.compile(r"(?<![^\W\d_])(mm|V)(?![^\W\d_])")
+_TOKEN = re.compile(r"(?<![A-Za-z])(mm|V)(?![A-Za-z])")
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,17 @@ class Units:
     def lab(self) -> bool:
         """Whether these are the lab's own units, so that figures need no conversion."""
         return self == LAB
+
+    @property
+    def scale(self) -> str:
+        """Say which scale a rig is simulated on, where figures are told on it; empty for the lab's own units."""
+        if self.lab:
+            return ""
+        return (
+            f"figures of controllers are on the scale of the lab, where the handout's references and limits live: 1 "
+            f"{self.length} is "
+            f"{self.per_length:g} mm, 1 {self.command} is {self.per_command:g} V"
+        )
 
     def name(self, unit: str) -> str:
         """Return the rig's name for one of the lab's units: ``V s²/mm`` becomes ``N m s²/rad``."""

@@ -4,15 +4,18 @@ from identification.likelihood import MaximumLikelihood, identify_by_likelihood
 from identification.methods import Identification, identify
 from identification.mismatch.diagnose import diagnose
 from identification.mismatch.verdict import Diagnosis
+from identification.readiness import Check, check
 from identification.recordings import RecordingError, read_recordings, write_recording
 from identification.validation import Validation, validate
 
 __all__ = [
+    "Check",
     "Diagnosis",
     "Identification",
     "MaximumLikelihood",
     "RecordingError",
     "Validation",
+    "check",
     "diagnose",
     "identify",
     "identify_by_likelihood",

@@ -53,7 +53,7 @@ class Descent:
         factors = {RATIOS[ratio][1]: factor for ratio, factor in self.ties.items()}
         least = np.array([parameter(n).lower / min(factors.get(n, 1.0), 1.0) for n in self.names])
         most = np.array([parameter(n).upper for n in self.names])
-        low = np.where(self.log, np.log(np.maximum(least, _LEAST)), 0.0)
+        low = np.where(self.log, np.log(np.maximum(least, _LEAST)), least / self.scale)
         return low, np.where(self.log, np.log(np.minimum(most, _MOST)), most / self.scale)
 
     def resting(self, z: FloatArray) -> list[str]:
@@ -95,7 +95,7 @@ class Descent:
         self, values: Mapping[str, float], rounds: int, evaluations: int
     ) -> tuple[FloatArray, float, bool, dict[str, float]]:
         """Fit from these values, reweighting after every round; return z, its cost, whether it was found, the drive."""
-        self.scale = np.array([max(values[n], 0.05 * _typical(n, values)) for n in self.names])
+        self.scale = np.array([max(abs(values[n]), 0.05 * _typical(n, values)) for n in self.names])
         low, high = self.bounds()
         z = np.clip(self.coordinates(values), low + 1e-9, high - 1e-9)
         cost, done = self.reweight(z), False
@@ -111,6 +111,8 @@ class Descent:
 
 
 def _typical(name: str, values: Mapping[str, float]) -> float:
-    """Size against which a friction of zero is small."""
+    """Size against which a friction of zero is small; an effect's own usual size."""
+    if "." in name:
+        return max([abs(begin) for begin in parameter(name).starts] or [1.0])
     same = [v for n, v in values.items() if n[0] == name[0]]
     return max([*same, 1e-6])

@@ -6,9 +6,9 @@ Adding the two carts' equations removes the spring, and differentiating the seco
     m_1 \dot v_1 + m_2 \dot v_2 + b_1 v_1 + b_2 v_2 + d_1 \operatorname{sgn} v_1 + d_2 \operatorname{sgn} v_2 &= u, \\
     m_2 \ddot v_2 + b_2 \dot v_2 + d_2 \tfrac{d}{dt} \operatorname{sgn} v_2 - k (v_1 - v_2) &= 0,
 
-so all seven parameters enter linearly. Every term passes the same zero-phase low-pass, which keeps the equations and
-removes the encoder's noise. The estimate is biased by what noise remains (errors in variables); it starts the
-output-error fit, no more. Method: L. Ljung, System Identification, 1999, sec. 7.3.
+so all seven parameters enter linearly, and springs to the frame, where they are known to be there, as well. Every term passes
+the same zero-phase low-pass, which keeps the equations and removes the encoder's noise. The estimate is biased by what noise
+remains (errors in variables); it starts the output-error fit, no more. Method: L. Ljung, System Identification, 1999, sec. 7.3.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ from identification.topology import Topology, topology_of
 
 # the resonance of such drives lies at a few hertz; four times that keeps it and drops the encoder's noise
 CUTOFF_HZ = 15.0
+# springs to the frame, which are as linear in the equations as the rest, where a rig description knows of them
+GROUND = ("ground_spring.kg", "ground_spring.kg_2")
 
 
 def start_values(recordings: Sequence[Recording], topology: Topology | None = None) -> dict[str, float]:
@@ -44,18 +46,20 @@ def start_values(recordings: Sequence[Recording], topology: Topology | None = No
         Parameter name to value in the handout's units; non-negative.
     """
     topology = topology or topology_of(recordings)
-    if topology.start:
+    if any("." not in name for name in topology.start):
         return {}
-    rows = [_regressors(r, topology.carts) for r in recordings]
+    springs = [n for n in GROUND if n in topology.free][: topology.carts]
+    rows = [_regressors(r, topology.carts, len(springs)) for r in recordings]
     matrix, target = np.vstack([a for a, _ in rows]), np.concatenate([b for _, b in rows])
-    names = ["m1", "b1", "d1", "m2", "b2", "d2", "k"][: matrix.shape[1]]
+    parts = ["m1", "b1", "d1", "m2", "b2", "d2"][: 3 * topology.carts]
+    names = [*parts, *springs, *(["k"] if topology.carts == 2 else [])]
     scale = np.linalg.norm(matrix, axis=0)
     scale[scale == 0.0] = 1.0
     solution = nnls(matrix / scale, target)[0] / scale
     return {name: float(value) for name, value in zip(names, solution, strict=True)}
 
 
-def _regressors(recording: Recording, carts: int) -> tuple[FloatArray, FloatArray]:
+def _regressors(recording: Recording, carts: int, springs: int = 0) -> tuple[FloatArray, FloatArray]:
     h = recording.sample_time
     sos = butter(2, min(CUTOFF_HZ, 0.2 / h), fs=1.0 / h, output="sos")
 
@@ -68,6 +72,7 @@ def _regressors(recording: Recording, carts: int) -> tuple[FloatArray, FloatArra
     sign = [smooth(np.where(np.abs(x) > moving, np.sign(x), 0.0)) for x in low]
     rate = [np.gradient(x, h) for x in low]
     columns = [c for i in range(len(v)) for c in (rate[i], low[i], sign[i])]
+    columns += [smooth(x) for x in _places(recording, v)[:springs]]
     keep = np.ones(recording.n, dtype=np.bool_)
     for i in range(len(v)):
         keep &= recording.valid("v1" if i == 0 else "v2")
@@ -79,9 +84,18 @@ def _regressors(recording: Recording, carts: int) -> tuple[FloatArray, FloatArra
     zero = np.zeros(recording.n)
     # the second equation has the unit V/s; dividing by a typical bandwidth gives both equations like weight
     bandwidth = 2.0 * np.pi * 3.0
+    held = [zero, low[1]][:springs]
     second = np.column_stack(
-        [zero, zero, zero, np.gradient(rate[1], h), rate[1], np.gradient(sign[1], h), -(low[0] - low[1])]
+        [zero, zero, zero, np.gradient(rate[1], h), rate[1], np.gradient(sign[1], h), *held, -(low[0] - low[1])]
     )
     second = second[keep][::step] / bandwidth
     first = np.column_stack([momentum, np.zeros(len(momentum))])
     return np.vstack([first, second]), np.concatenate([target, np.zeros(len(second))])
+
+
+def _places(recording: Recording, v: Sequence[FloatArray]) -> list[FloatArray]:
+    """Return where the carts are from their start on [mm]."""
+    known = (recording.x1, recording.x2)
+    return [
+        np.cumsum(speed) * recording.sample_time if x is None else x - x[0] for x, speed in zip(known, v, strict=False)
+    ]

@@ -31,14 +31,18 @@ import numpy as np
 from scipy.stats import t as student
 
 from flexdrive_gym import Covariance, Drive, Provenance, __version__
+from flexdrive_gym.drive.parameters import parameter
 from flexdrive_gym.recording import FloatArray, Recording
 from identification.descent import LOGARITHMIC, Descent
 from identification.equation_error import start_values
 from identification.output_error import Run, prepare, residuals
 from identification.quantities import HANDOUT_RATIOS, RATIOS, Quantity, derived_quantities
+from identification.recordings import RecordingSet
+from identification.run_to_run import friction_run_to_run, recorded_range
 from identification.topology import Topology, topology_of
 
-_ROUNDS = 3
+# rounds of weights, and evaluations in each
+_THOROUGH, _QUICK = (3, 30), (2, 8)
 _COARSE = 8
 # a logarithm this uncertain says nothing, and its exponential is still a number
 _UNKNOWN = 300.0
@@ -116,6 +120,7 @@ def identify_by_likelihood(
     damping: bool = False,
     threads: int | None = None,
     topology: Topology | None = None,
+    quick: bool = False,
 ) -> MaximumLikelihood:
     """Fit the drive to all recordings at once.
 
@@ -134,7 +139,8 @@ def identify_by_likelihood(
     threads
         Threads for the simulations; default: the processors this process may use. The answer does not depend on it.
     topology
-        Which bodies there are and what is free; default: one cart or two, as the recordings' channels tell.
+        Which bodies there are and what is free; default: one cart or two, as the recordings' channels or their rig description
+        tell, with the effects that it knows.
 
     Returns
     -------
@@ -151,20 +157,21 @@ def identify_by_likelihood(
             raise ValueError(f"ties: must be among {', '.join(RATIOS)}; got {name!r}.")
     used, notes = usable(recordings)
     runs = [prepare(r) for r in used]
-    topology = topology or topology_of(used)
+    topology = topology or topology_of(RecordingSet(used, rig=getattr(recordings, "rig", None)))
     fixed = {**topology.fixed, **(fixed or {})}
     tied = {RATIOS[r][0] for r in ties}
     names = [n for n in (*topology.free, *(["C"] if damping else [])) if n not in tied and n not in fixed]
     found = {**topology.start, **start_values(used, topology)}
-    begin = {n: v for n, v in {"C": 1e-5, **_positive(found), **fixed}.items() if n in {*names, *tied, *fixed}}
+    known = {n: found[n] for n in topology.start if "." in n}
+    begin = {n: v for n, v in {"C": 1e-5, **_positive(found), **known, **fixed}.items() if n in {*names, *tied, *fixed}}
     with ThreadPoolExecutor(threads or len(os.sched_getaffinity(0))) as pool:
         # a few recordings tell which start leads to the best valley; all of them then find its bottom
-        some = runs[:: max(1, round(len(runs) / _COARSE))]
+        some = runs[:: max(1, round(len(runs) / (_COARSE // 2 if quick else _COARSE)))]
         coarse = Descent(some, names, ties, fixed, pool)
         tried = {label: coarse.descend(values, 1, 8) for label, values in _starts(begin, start, topology).items()}
         best = min(tried, key=lambda label: tried[label][1])
         fit = Descent(runs, names, ties, fixed, pool)
-        z, cost, done, _values = fit.descend(tried[best][3], _ROUNDS, 30)
+        z, cost, done, _values = fit.descend(tried[best][3], *(_QUICK if quick else _THOROUGH))
         costs = {label: float(item[1]) for label, item in tried.items()} | {f"{best}, refined": float(cost)}
         return _result(fit, z, used, costs, notes if done else [*notes, _STOPPED])
 
@@ -202,11 +209,16 @@ def usable(recordings: Sequence[Recording]) -> tuple[list[Recording], list[str]]
     ValueError
         If nothing is left.
     """
-    good = [r for r in recordings if not any(f.id == "duplicate_recording" for f in r.faults)]
+    single = [r for r in recordings if not any(f.id == "duplicate_recording" for f in r.faults)]
+    good = [r for r in single if not r.held]
     open_loop = [r for r in good if not r.closed_loop]
     notes = []
-    if len(good) < len(recordings):
-        notes.append(f"{len(recordings) - len(good)} duplicate recordings left out")
+    if len(single) < len(recordings):
+        notes.append(f"{len(recordings) - len(single)} duplicate recordings left out")
+    if len(good) < len(single):
+        notes.append(
+            f"{len(single) - len(good)} recordings with a held cart left out: the model has two carts that move"
+        )
     if open_loop:
         if len(open_loop) < len(good):
             notes.append(f"{len(good) - len(open_loop)} closed-loop recordings kept for validation")
@@ -263,7 +275,7 @@ def _result(
         # masses and stiffness were fitted as logarithms, so their intervals are ratios
         name: (float(v * np.exp(-s / v)), float(v * np.exp(min(s / v, _UNKNOWN))))
         if name in LOGARITHMIC
-        else (max(0.0, float(v - s)), float(v + s))
+        else (max(parameter(name).lower, float(v - s)), float(v + s))
         for name, v, s in zip(fit.names, (values[n] for n in fit.names), spread, strict=True)
     }
     remarks = list(notes)
@@ -273,7 +285,11 @@ def _result(
             f"{', '.join(unknown)}: not identifiable from these recordings (the interval is wider than twice the value); "
             "add squares at two amplitudes and sines around the resonance"
         )
-    remarks += [f"{n} rests at its bound 0" for n in fit.names if n not in LOGARITHMIC and values[n] < 1e-8]
+    remarks += [
+        f"{n} rests at its bound 0"
+        for n in fit.names
+        if n not in LOGARITHMIC and parameter(n).lower == 0.0 and values[n] < 1e-8
+    ]
     remarks += [
         f"{n} rests at its bound {values[n]:.3g}: the model lacks something that these recordings have"
         for n in fit.resting(z)
@@ -284,10 +300,12 @@ def _result(
     drive = Drive(
         values,
         intervals,
-        Covariance(fit.names, covariance),
+        Covariance(fit.names, covariance, clusters - len(z)),
         Provenance("ml", tuple(r.name for r in used), __version__, "; ".join(remarks)),
         name="identified drive",
         units=used[0].units,
+        run_to_run=friction_run_to_run(values, fit.runs, fit.pool),
+        recorded=recorded_range(used),
     )
     whole = drive.carts == 1 or {"m1", "m2", "b1", "b2", "k"} <= set(values)
     quantities, ratios = derived_quantities(drive, fit.ties, quantile) if whole else ({}, {})

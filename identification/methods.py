@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 from flexdrive_gym import Drive, Recording
 from identification.likelihood import MaximumLikelihood, identify_by_likelihood
 from identification.quantities import HANDOUT_RATIOS, Quantity
-from identification.recordings import read_recordings
+from identification.recordings import Rig
+from identification.recordings.given import Source, given
+from identification.selection import select
 from identification.step_response import HandoutResult, identify_by_handout
 
 METHODS = ("handout", "ml")
@@ -59,13 +61,14 @@ def rig_parameters(recordings: Sequence[Recording]) -> dict[str, float]:
 
 
 def identify(
-    recordings: str | Path | Sequence[str | Path] | Sequence[Recording],
+    recordings: Source,
     method: Method = "ml",
     *,
     ties: Mapping[str, float] | None = None,
     p: float | None = None,
     damping: bool = False,
     threads: int | None = None,
+    rig: Rig | str | Path | None = None,
 ) -> Identification:
     """Identify a drive.
 
@@ -84,6 +87,8 @@ def identify(
         Maximum likelihood only: fit the spring's damping C too.
     threads
         Maximum likelihood only: number of threads; the answer does not depend on it.
+    rig
+        Rig description, or its file, to read recordings with; those already read bring theirs.
 
     Raises
     ------
@@ -92,28 +97,21 @@ def identify(
     """
     if method not in METHODS:
         raise ValueError(f"method: must be {' or '.join(METHODS)}; got {method!r}.")
-    runs = _read(recordings)
-    rig = rig_parameters(runs)
+    selection = select(given(recordings, rig))
+    runs = selection.require()
+    told = rig_parameters(runs)
     if method == "handout":
         if damping:
             raise ValueError("damping: the handout assumes C = 0; got damping=True. Use method='ml'.")
         handout = identify_by_handout(runs, **{**HANDOUT_RATIOS, **(ties or {})}, p=p)
+        handout = replace(handout, notes=(*selection.notes, *handout.notes))
         drive = handout.drive()
-        return Identification(drive.replace(rig, intervals=drive.intervals), handout.quantities, method, handout)
+        return Identification(drive.replace(told, intervals=drive.intervals), handout.quantities, method, handout)
     if p is not None:
         raise ValueError(f"p: only the handout method reads p off and can be told another; got {p:g}.")
     likely = identify_by_likelihood(runs, ties=ties, damping=damping, threads=threads)
+    likely = replace(likely, notes=(*selection.notes, *likely.notes))
     if likely.drive.carts == 1:
-        rig = {name: value for name, value in rig.items() if "encoder_2" not in name}
-    drive = likely.drive.replace(rig, intervals=likely.drive.intervals, covariance=likely.drive.covariance)
+        told = {name: value for name, value in told.items() if "encoder_2" not in name}
+    drive = likely.drive.replace(told, intervals=likely.drive.intervals, covariance=likely.drive.covariance)
     return Identification(drive, likely.quantities, method, likely)
-
-
-def _read(source: str | Path | Sequence[str | Path] | Sequence[Recording]) -> tuple[Recording, ...]:
-    if isinstance(source, str | Path):
-        return read_recordings(source)
-    items = list(source)
-    given = [item for item in items if isinstance(item, Recording)]
-    if len(given) == len(items) and items:
-        return tuple(given)
-    return read_recordings([item for item in items if not isinstance(item, Recording)])

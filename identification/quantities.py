@@ -94,7 +94,7 @@ def ratios(drive: Drive) -> dict[str, float]:
 def derived_quantities(
     drive: Drive, ties: Mapping[str, float], quantile: float
 ) -> tuple[dict[str, Quantity], dict[str, Quantity]]:
-    """Return quantities and ratios with 95 % intervals by the delta method from the drive's covariance."""
+    """Return quantities and ratios with 95 % intervals: a parameter's is the drive's own, all others by the delta method."""
     centre = {**compute(drive), **ratios(drive)}
     gradient = _gradient(drive, centre, ties)
     result = {}
@@ -109,10 +109,18 @@ def derived_quantities(
             UNITS.get(name, ""),
             "tied" if name in ties else "maximum likelihood" if known else "assumed",
             spread if known else None,
-            (value - quantile * spread, value + quantile * spread) if known and spread is not None else None,
+            _interval(drive, name, value, quantile * spread) if known and spread is not None else None,
         )
     found = {n: q for n, q in result.items() if n not in RATIOS}
     return found, {n: q for n, q in result.items() if n in RATIOS}
+
+
+def _interval(drive: Drive, name: str, value: float, half: float) -> tuple[float, float]:
+    """Return the one interval that there is for a quantity; none of them can be negative."""
+    if name in drive.intervals:
+        low, high = drive.intervals[name]
+        return float(low), float(high)
+    return max(0.0, value - half), value + half
 
 
 def _gradient(drive: Drive, centre: Mapping[str, float], ties: Mapping[str, float]) -> dict[str, np.ndarray]:

@@ -9,10 +9,14 @@ a channel that was not recorded has no valid samples.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
+import numpy as np
+
+from flexdrive_gym.drive.effects import LAYOUT
 from flexdrive_gym.drive.parameters import parameter
 from flexdrive_gym.recording import Recording
+from identification.recordings.rig import Rig
 
 # a mass that no command moves: the ground
 GROUND_MASS = 1e9
@@ -85,6 +89,36 @@ def grounded(name: str, start: Mapping[str, float]) -> Topology:
 
 
 def topology_of(recordings: Sequence[Recording]) -> Topology:
-    """Return the topology that the channels of the recordings tell: two carts where the second one is seen in every run."""
+    """Return the topology that the channels of the recordings tell: two carts where the second one is seen in every run.
+
+    A rig description that came with them has the last word on the number of carts, and adds the effects that it knows.
+    """
     seen = [r.v2 is not None or r.x2 is not None for r in recordings]
-    return TWO_CARTS if seen and all(seen) else CART
+    told = TWO_CARTS if seen and all(seen) else CART
+    rig: Rig | None = getattr(recordings, "rig", None)
+    if rig is None:
+        return told
+    if rig.carts is not None:
+        told = TWO_CARTS if rig.carts == 2 else CART
+    return with_known(told, rig.known)
+
+
+def with_known(topology: Topology, known: Sequence[str]) -> Topology:
+    """Return a topology whose every fit moves the parameters of known effects, too, at each place that they can act.
+
+    Parameters
+    ----------
+    known
+        Ids of the catalogue; ``id@place`` for one place of several.
+    """
+    start: dict[str, float] = {}
+    for item in known:
+        id_, _, place = item.partition("@")
+        for name, slot in LAYOUT.items():
+            if slot.effect.id == id_ and place in ("", slot.where) and topology.offers(slot.where):
+                begin = slot.parameter.starts[0] if slot.parameter.starts else slot.parameter.null
+                start[name] = float(np.clip(begin, slot.parameter.lower, slot.parameter.upper))
+    if not start:
+        return topology
+    free = (*topology.free, *(name for name in start if name not in topology.free))
+    return replace(topology, free=free, start={**topology.start, **start})

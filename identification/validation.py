@@ -1,7 +1,9 @@
 r"""Does the model hold? Overlays, fits and residual tests (handout 3.3).
 
 Open-loop runs are replayed with their recorded command; closed-loop runs are simulated *in the loop*, with the gain
-and feedback found in the data, because a free replay of their command drifts with any friction error. Figures of
+and feedback found in the data, because a free replay of their command drifts with any friction error. Where the controller is
+unknown, and where a run begins in motion without a command, short windows are replayed, each begun in the measured state
+(:mod:`identification.prediction`). Recordings with a held cart, and those whose command is a reference, are left out. Figures of
 merit per channel y against its simulation ŷ:
 
 * rms of y - ŷ, beside the floor no single model can undercut;
@@ -25,8 +27,11 @@ from flexdrive_gym import Drive, PControl, Recording
 from flexdrive_gym.drive.default import HANDOUT_LIMIT_V
 from flexdrive_gym.recording import BoolArray, FloatArray
 from flexdrive_gym.units import LAB, Units
+from identification.experiment import silent
 from identification.floor import measure_floor
-from identification.output_error import BLOCK_S, prepare, simulate_run
+from identification.output_error import BLOCK_S, Run, prepare, simulate_run
+from identification.prediction import predict, window_of
+from identification.selection import select
 
 _LAGS = 40
 _NORMAL_99 = 2.58
@@ -40,6 +45,8 @@ class ChannelFit:
     ----------
     rms, floor
         Of the residual and of what no model can explain [unit]; the floor is nan where nothing repeats.
+    how
+        What was simulated: ``replay`` of the command, ``in the loop``, or ``windows of … s``.
     nrmse, vaf
         Fit by norm and by variance, 1 is perfect; nan where the channel does not move.
     whiteness
@@ -61,6 +68,7 @@ class ChannelFit:
     whiteness: float
     correlated: float
     input_correlation: float
+    how: str = "replay"
 
     def of_rig(self, units: Units) -> ChannelFit:
         """Return the fit as the rig's owner reads it."""
@@ -75,6 +83,7 @@ class Overlay:
     measured: Recording
     simulated: Recording
     fits: tuple[ChannelFit, ...]
+    how: str = "replay"
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,12 +95,15 @@ class Validation:
     overlays
         One per recording.
     rms, floor
-        Over all open-loop velocity channels [mm/s]; the floor over those where it could be measured.
+        Over all open-loop velocity channels [mm/s]; the floor over those where it could be measured. nan where there are none.
+    notes
+        What was left out, and how closed loops of an unknown controller were simulated.
     """
 
     overlays: tuple[Overlay, ...]
     rms: float
     floor: float
+    notes: tuple[str, ...] = ()
 
     @property
     def units(self) -> Units:
@@ -102,16 +114,30 @@ class Validation:
         """Return every channel's fit."""
         return tuple(f for overlay in self.overlays for f in overlay.fits)
 
+    def summary(self) -> str:
+        """Say how far all velocities are off, and what of that no model can explain; or why there is no such figure."""
+        u = self.units
+        if not np.isfinite(self.rms):
+            return "no velocity was recorded in open loop, so there is no rms over all velocities"
+        text = f"all velocities: rms {u.text(self.rms, 'mm/s', 3)}"
+        if not np.isfinite(self.floor):
+            return f"{text}; no floor, because no run repeats itself"
+        return f"{text}, floor {u.text(self.floor, 'mm/s', 3)}"
+
     def __str__(self) -> str:
         u = self.units
-        lines = [f"{'recording':34s} channel      rms    floor   NRMSE     VAF"]
+        lines = [f"{'recording':34s} channel      rms    floor   NRMSE     VAF  how"]
         lines += [
-            f"{f.recording:34s} {f.channel:7s} {f.rms:8.3g} {f.floor:8.3g} {f.nrmse:7.1%} {f.vaf:7.1%}"
+            f"{f.recording:34s} {f.channel:7s} {_cell(f.rms, '.3g'):>8s} {_cell(f.floor, '.3g'):>8s} "
+            f"{_cell(f.nrmse, '.1%'):>7s} {_cell(f.vaf, '.1%'):>7s}  {f.how}"
             for f in (f.of_rig(u) for f in self.fits())
         ]
-        return "\n".join(
-            [*lines, f"all velocities: rms {u.text(self.rms, 'mm/s', 3)}, floor {u.text(self.floor, 'mm/s', 3)}"]
-        )
+        return "\n".join([*lines, *(f"note: {note}" for note in self.notes), self.summary()])
+
+
+def _cell(value: float, form: str) -> str:
+    """Return a number for a table; a dash where there is none."""
+    return format(value, form) if np.isfinite(value) else "–"
 
 
 def simulate_like(drive: Drive, recording: Recording) -> Recording:
@@ -134,10 +160,32 @@ def simulate_like(drive: Drive, recording: Recording) -> Recording:
             start=(start[0], 0.0, start[1], 0.0),
             name=recording.name,
         )
-    v = simulate_run(drive.values, prepare(recording))
+    run = prepare(recording)
+    v = simulate_run(drive.values, run)
+    places = _replayed_positions(drive, recording, run)
     return Recording(
-        recording.name, recording.t, recording.u, v1=v[0], v2=v[1] if len(v) > 1 else None, source="simulated"
+        recording.name,
+        recording.t,
+        recording.u,
+        x1=places.get("x1"),
+        x2=places.get("x2"),
+        v1=v[0],
+        v2=v[1] if len(v) > 1 else None,
+        source="simulated",
     )
+
+
+def _replayed_positions(drive: Drive, recording: Recording, run: Run) -> dict[str, FloatArray]:
+    """Return simulated positions where nothing else was recorded, from where the run began."""
+    given = (recording.x1, recording.x2)
+    if recording.v1 is not None or recording.v2 is not None:
+        return {}
+    places = simulate_run(drive.values, replace(run, positions=True))
+    return {
+        f"x{cart + 1}": x_hat + (x[0] - x_hat[0])
+        for cart, (x, x_hat) in enumerate(zip(given, places, strict=False))
+        if x is not None
+    }
 
 
 def validate(drive: Drive, recordings: Sequence[Recording]) -> Validation:
@@ -154,30 +202,60 @@ def validate(drive: Drive, recordings: Sequence[Recording]) -> Validation:
     -------
     Validation
     """
-    floors = {(f.recording, f.cart): f.rms for f in measure_floor(recordings)}
+    selection = select(recordings)
+    runs = [r for r in recordings if selection.reasons.get(r.name) not in ("held", "reference")]
+    if not runs:
+        selection.require()
+    floors = {(f.recording, f.cart): f.rms for f in measure_floor(runs)}
     overlays = []
     squares, floor_squares, n, floor_n = 0.0, 0.0, 0, 0
-    for measured in recordings:
-        simulated = simulate_like(drive, measured)
+    for measured in runs:
+        simulated, how = _simulated(drive, measured)
         fits = []
         for name, y in measured.channels():
             y_hat = getattr(simulated, name)
-            if y_hat is None or (measured.closed_loop and name.startswith("v")):
+            whole = how == "replay"
+            positions = measured.x1 is not None or measured.x2 is not None
+            if y_hat is None or (not whole and positions and name.startswith("v")):
                 continue
             keep = measured.valid(name)
             floor = floors.get((measured.name, int(name[1])), float("nan")) if name.startswith("v") else float("nan")
-            fit = _fit(measured, name, y, y_hat, keep, floor)
+            fit = replace(_fit(measured, name, y, y_hat, keep, floor), how=how)
             fits.append(fit)
-            if name.startswith("v") and keep.any():
+            if name.startswith("v") and keep.any() and whole:
                 squares, n = squares + fit.rms**2 * keep.sum(), n + int(keep.sum())
                 if np.isfinite(floor):
                     floor_squares, floor_n = floor_squares + floor**2 * keep.sum(), floor_n + int(keep.sum())
-        overlays.append(Overlay(measured, simulated, tuple(fits)))
+        overlays.append(Overlay(measured, simulated, tuple(fits), how))
+    left_out = tuple(note for note in selection.notes if "held" in note or "reference" in note)
     return Validation(
         tuple(overlays),
         float(np.sqrt(squares / n)) if n else float("nan"),
         float(np.sqrt(floor_squares / floor_n)) if floor_n else float("nan"),
+        (*left_out, *_how_notes(overlays)),
     )
+
+
+def _simulated(drive: Drive, measured: Recording) -> tuple[Recording, str]:
+    """Return what the drive does where a recording was made, and how that was simulated."""
+    unknown = measured.closed_loop and (measured.xr is None or measured.excitation.gain is None)
+    if unknown or silent(measured):
+        seconds = window_of(drive)
+        return predict(drive, measured, seconds), f"windows of {measured.units.text(seconds, 's', 2)}"
+    return simulate_like(drive, measured), "in the loop" if measured.closed_loop else "replay"
+
+
+def _how_notes(overlays: Sequence[Overlay]) -> tuple[str, ...]:
+    names = [o.measured.name for o in overlays if o.how.startswith("windows")]
+    if not names:
+        return ()
+    listed = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+    how = next(o.how for o in overlays if o.how.startswith("windows"))
+    note = (
+        f"{listed}: the controller is unknown, or there was no command; replayed over {how}, each begun in the measured state, "
+        "because a replay of the whole run drifts with any error of friction"
+    )
+    return (note,)
 
 
 def _fit(

@@ -287,7 +287,11 @@ WRONG = [
     (("prbs", {"bit_s": 0}), ValueError, "bit_s: must be positive and finite; got 0."),
     (("random_moves", {"stroke": -50}), ValueError, "stroke: must be positive and finite; got -50."),
     (("random_moves", {"dwell_s": -1}), ValueError, "dwell_s: must not be negative [s]; got -1. Use 0 for moves"),
-    (None, TypeError, "reference: must be a name, a tuple (name, {keyword: value}), an array of positions [mm] or"),
+    (
+        None,
+        TypeError,
+        "must be a name, a text 'name:keyword=value:…', (name, {keyword: value}), an array of positions [mm] or",
+    ),
     ({"sine": 1}, TypeError, "got {'sine': 1} of type dict."),
     (["sine", {}], TypeError, "got ['sine', {}] of type list."),
     ([1.0, 2.0j], TypeError, "reference: must be a name"),

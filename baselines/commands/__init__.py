@@ -11,6 +11,7 @@ import typer
 from baselines.commands import (
     benchmark,
     blind,
+    check,
     compare,
     demo,
     design,
@@ -23,6 +24,7 @@ from baselines.commands import (
     train,
     validate,
 )
+from baselines.commands._command import Command
 
 # the matrices here are small: threads of the linear algebra that spin for work cost more than they save, ten times as much on a
 # machine that has other things to do; set before numpy is imported, which commands do when they run
@@ -37,9 +39,9 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for _module in (
-    demo, identify, validate, stability, experiment, diagnose, design, train, compare, report, lab, blind, benchmark
+    demo, check, identify, validate, stability, experiment, diagnose, design, train, compare, report, lab, blind, benchmark
 ):  # fmt: skip
-    app.command()(getattr(_module, _module.__name__.rsplit(".", 1)[-1]))
+    app.command(cls=Command)(getattr(_module, _module.__name__.rsplit(".", 1)[-1]))
 
 
 def _version(value: bool) -> None:
@@ -66,6 +68,15 @@ def main() -> None:
     except (ValueError, TypeError, KeyError, OSError) as error:
         text = error.args[0] if isinstance(error, KeyError) and error.args else error
         print(f"flexdrive: {text}", file=sys.stderr)
+        raise SystemExit(1) from error
+    except ArithmeticError as error:
+        print(
+            f"flexdrive: a value leads out of the range of numbers ({error}). Choose options and a drive nearer to a real rig's.",
+            file=sys.stderr,
+        )
+        raise SystemExit(1) from error
+    except MemoryError as error:
+        print("flexdrive: the memory does not suffice. Ask for fewer or shorter runs at once.", file=sys.stderr)
         raise SystemExit(1) from error
     except KeyboardInterrupt:
         print("flexdrive: interrupted; nothing was half-written", file=sys.stderr)

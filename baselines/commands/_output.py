@@ -14,7 +14,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from baselines.commands._tables import PIPED_WIDTH, columns_given, laid_out, wrapped_sentence
+
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.progress import Progress
 
     from flexdrive_gym import Fault
@@ -66,23 +69,25 @@ def interval(bounds: tuple[float, float] | None) -> str:
 
 
 def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Print a table; every column but the first is right-aligned if it holds numbers."""
-    from rich.console import Console  # noqa: PLC0415  (keeps --help quick)
-    from rich.table import Table  # noqa: PLC0415
-    from rich.text import Text  # noqa: PLC0415
+    """Print a table as wide as the terminal, as ``COLUMNS`` or, piped, as 140 characters; numbers are right-aligned."""
+    from rich.text import Text  # noqa: PLC0415  (keeps --help quick)
 
-    sheet = Table(
-        title=Text(title), title_justify="left", title_style="bold", header_style="bold", box=None, pad_edge=False
-    )
-    body = [list(row) for row in rows]
-    for i, name in enumerate(columns):
-        texts = [row[i] for row in body]
-        numeric = i > 0 and all(not text or text[0] in "-+–0123456789<>" for text in texts)
-        # Text, because square brackets of units would be read as markup
-        sheet.add_column(Text(name), justify="right" if numeric else "left", overflow="fold")
-    for row in body:
-        sheet.add_row(*(Text(cell) for cell in row))
-    Console(width=None if Console().is_terminal else 140).print(sheet)
+    console = _console()
+    # soft_wrap: the lines are laid out, and square brackets of units are no markup
+    console.print(Text(wrapped_sentence(title, console.width), style="bold"), soft_wrap=True)
+    for i, sheet in enumerate(laid_out(columns, rows, console.width)):
+        if i:
+            console.print()
+        head = next(n for n, line in enumerate(sheet) if line.startswith("─"))
+        console.print(Text("\n".join(sheet[:head]), style="bold"), soft_wrap=True)
+        console.print(Text("\n".join(sheet[head:])), soft_wrap=True)
+
+
+def _console() -> Console:
+    from rich.console import Console  # noqa: PLC0415
+
+    width = columns_given() or (None if Console().is_terminal else PIPED_WIDTH)
+    return Console(width=width, highlight=False)
 
 
 def print_faults(title: str, faults: Sequence[Fault]) -> None:
@@ -96,10 +101,9 @@ def print_faults(title: str, faults: Sequence[Fault]) -> None:
 
 
 def say(text: str) -> None:
-    """Print a sentence."""
-    from rich.console import Console  # noqa: PLC0415
-
-    Console(width=None if Console().is_terminal else 140, highlight=False).print(text, markup=False)
+    """Print a sentence, wrapped between words."""
+    console = _console()
+    console.print(wrapped_sentence(text, console.width), markup=False, soft_wrap=True)
 
 
 @contextmanager

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json as encoder
+from contextlib import nullcontext
 from enum import StrEnum
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from baselines.commands._command import MOST_SEED, MOST_THREADS
 from baselines.commands._output import Json, number, plain, print_faults, print_json, progress, say, table
+from baselines.commands._results import Force, interrupted_says, result_folder
 
 if TYPE_CHECKING:
     from baselines.public import Result
@@ -33,14 +35,21 @@ def benchmark(
         Path | None,
         typer.Option("--output", "-o", file_okay=False, help="Folder for ladder.png, benchmark.json and drive.toml."),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of null draws and resampling; the same seed, the same answer.")] = 0,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Threads; the answer does not change.")] = None,
+    seed: Annotated[
+        int, typer.Option(min=0, max=MOST_SEED, help="Of null draws and resampling; the same seed, the same answer.")
+    ] = 0,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, max=MOST_THREADS, help="Threads; the answer does not change.")
+    ] = None,
+    force: Force = False,
     json: Json = False,
 ) -> None:
     """Diagnose a public data set (emps, coupled_drives, silverbox) and score it by its rule beside published methods."""
     from baselines.public import BENCHMARKS, run_benchmark  # noqa: PLC0415
 
-    with progress() as bar:
+    kept = "nothing of this benchmark is kept. The same command begins again."
+    held = nullcontext() if output is None else result_folder(output, "benchmark.json", force=force)
+    with interrupted_says(lambda: kept), held, progress() as bar:
         task = bar.add_task("reading", total=None)
         result = run_benchmark(
             BENCHMARKS[name.value],
@@ -49,8 +58,8 @@ def benchmark(
             jobs=jobs,
             say=lambda step: bar.update(task, advance=1, description=step),
         )
-    if output is not None:
-        _write(result, output)
+        if output is not None:
+            _write(result, output)
     if json:
         print_json(result.as_json())
         return
@@ -113,12 +122,6 @@ def _print(result: Result) -> None:
     if result.found.unnamed is not None:
         u = result.found.unnamed
         say(f"unnamed: {u.share_of_error:.0%} of the remaining error, {u.acts_on}")
-    units = b.units
-    if isfinite(units.length) and (units.length, units.time, units.voltage) != (1.0, 1.0, 1.0):
-        say(
-            f"figures of findings are in the engine's units: 1 {units.output} = {units.length:g} mm, 1 s = {units.time:g} s, "
-            f"1 V = {units.voltage:g} V; benchmark.json has the rig's"
-        )
     say(f"cite: {b.citation}")
 
 

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from baselines.commands._command import MOST_SEED, MOST_THREADS, jobs_given
 from baselines.commands._output import Json, number, print_json, progress, say, table
+from baselines.commands._results import interrupted_says
 from baselines.commands.compare import Backend
 
 if TYPE_CHECKING:
@@ -18,12 +20,22 @@ def blind(
     output: Annotated[
         Path, typer.Option("--output", "-o", file_okay=False, help="Folder of the study; an interrupted one goes on.")
     ] = Path("blind"),
-    trials: Annotated[int, typer.Option("--trials", "-n", min=1, help="Concealed lab days; 200 tell the rates.")] = 20,
-    seed: Annotated[int, typer.Option(min=0, help="Everything follows from it.")] = 0,
+    trials: Annotated[
+        int, typer.Option("--trials", "-n", min=1, max=100_000, help="Concealed lab days; 200 tell the rates.")
+    ] = 20,
+    seed: Annotated[int, typer.Option(min=0, max=MOST_SEED, help="Everything follows from it.")] = 0,
     backend: Annotated[
         Backend, typer.Option(help="Where trials are computed; the answers do not change.")
     ] = Backend.threading,
-    jobs: Annotated[int, typer.Option(help="Trials at a time on this machine; -1: as many as cores.")] = -1,
+    jobs: Annotated[
+        int,
+        typer.Option(
+            min=-1,
+            max=MOST_THREADS,
+            callback=jobs_given,
+            help="Trials at a time on this machine; -1: as many as cores.",
+        ),
+    ] = -1,
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, tcp://HOST:PORT.")] = None,
     report: Annotated[
         bool, typer.Option("--report", help="Run nothing: figures and page of what the folder holds so far.")
@@ -40,10 +52,11 @@ def blind(
     from baselines.payoff_summary import tables  # noqa: PLC0415
     from baselines.report.trial_page import build_trial_page  # noqa: PLC0415
     from baselines.trial.judge import judge  # noqa: PLC0415
+    from baselines.trial.one import opened  # noqa: PLC0415
     from baselines.trial.plan import plan  # noqa: PLC0415
     from baselines.trial.study import conduct_study, outcomes, pack, settings  # noqa: PLC0415
     from baselines.trial.summary import summarise  # noqa: PLC0415
-    from flexdrive_gym.files import write_atomically  # noqa: PLC0415
+    from flexdrive_gym.files import only_writer, write_atomically  # noqa: PLC0415
 
     if report:
         asked = settings(output)
@@ -52,7 +65,15 @@ def blind(
         if not found:
             raise ValueError(f"output: the study in {output} has no outcome yet. Go on with it without --report.")
     else:
-        with progress() as bar:
+
+        def kept() -> str:
+            done = sum(opened(output, trial.number).exists() for trial in plan(trials, seed))
+            return (
+                f"{done} of {trials} trials are done and kept in {output}. The same command goes on from there; with --report it "
+                "shows what there is."
+            )
+
+        with interrupted_says(kept), only_writer(output), progress() as bar:
             task = bar.add_task("trials", total=trials)
             found = conduct_study(
                 output,
@@ -63,7 +84,7 @@ def blind(
                 scheduler=scheduler,
                 progress=lambda done, total: bar.update(task, completed=done, total=total),
             )
-        pack(output, found)
+            pack(output, found)
     judged = [judge(outcome) for outcome in found]
     summary = summarise(judged)
     paid = payoff_rows([Payoff.from_json(outcome["payoff"]) for outcome in found if outcome["payoff"]])

@@ -11,6 +11,7 @@ from baselines.commands._output import DriveFile, Json, number, print_json, say,
 
 if TYPE_CHECKING:
     from baselines.lab4_study import Lab4Study
+    from baselines.uncertainty import LoopUncertainty
 
 
 def design(
@@ -18,22 +19,27 @@ def design(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", file_okay=False, help="Folder for design.html, a page with plots.")
     ] = None,
-    crossover: Annotated[float, typer.Option(min=0.1, help="Demanded crossover [rad/s].")] = 25.0,
-    gain_margin: Annotated[float, typer.Option(min=1.0, help="Least gain margin.")] = 2.0,
+    crossover: Annotated[float, typer.Option(min=0.1, max=3000.0, help="Demanded crossover [rad/s].")] = 25.0,
+    gain_margin: Annotated[float, typer.Option(min=1.0, max=1000.0, help="Least gain margin.")] = 2.0,
     phase_margin: Annotated[float, typer.Option(min=1.0, max=89.0, help="Least phase margin [deg].")] = 30.0,
     limit: Annotated[
-        list[float] | None, typer.Option(min=0.1, help="Command limit of the tracking runs [V]; repeatable.")
+        list[float] | None,
+        typer.Option(min=0.1, max=1000.0, help="Command limit of the tracking runs [V]; repeatable."),
     ] = None,
     json: Json = False,
 ) -> None:
     """Design Lab 4's controller for the drive: notch, double lead, integral, feed-forward; print every value."""
     from baselines.controllers import Specification  # noqa: PLC0415
     from baselines.lab4_study import LIMITS_V, study_lab_4  # noqa: PLC0415
+    from baselines.uncertainty import loop_uncertainty  # noqa: PLC0415
     from flexdrive_gym import load_drive  # noqa: PLC0415
 
     rig = load_drive(drive)
+    if rig.units.scale:
+        typer.echo(f"note: {rig.units.scale}", err=True)
     asked = Specification(crossover=crossover, gain_margin=gain_margin, phase_margin_deg=phase_margin)
     study = study_lab_4(rig, specification=asked, limits=tuple(limit or LIMITS_V))
+    spread = loop_uncertainty(rig, study.stages[-1].design.controller)
     page = None
     if output is not None:
         from baselines.report.design_page import build_design_page  # noqa: PLC0415
@@ -41,11 +47,22 @@ def design(
 
         page = write_atomically(output / "design.html", build_design_page(study).encode())
     if json:
-        print_json(_as_json(study) | {"page": page})
+        print_json(_as_json(study) | {"uncertainty": spread, "page": page})
         return
     _print(study)
+    if spread is not None:
+        say(_in_words(spread))
     if page is not None:
         say(f"wrote {page}")
+
+
+def _in_words(spread: LoopUncertainty) -> str:
+    titles = {"crossover": "crossover {} rad/s", "gain_margin": "GM {}", "phase_margin_deg": "PM {}°"}
+    intervals = [titles[name].format(f"{low:.3g} … {high:.3g}") for name, (low, high) in spread.ci95.items()]
+    return (
+        f"on {spread.draws} drives drawn from the covariance the last stage is unstable on {spread.unstable:.0%}; "
+        f"95 % of the others: {', '.join(intervals) or '–'}"
+    )
 
 
 def _as_json(study: Lab4Study) -> dict[str, object]:
@@ -78,6 +95,7 @@ def _as_json(study: Lab4Study) -> dict[str, object]:
 
 
 def _print(study: Lab4Study) -> None:
+    from baselines.compare.tables import LINEAR  # noqa: PLC0415
     from baselines.lab4_study import verdict  # noqa: PLC0415
 
     hand, refined = study.by_hand.table(), study.refined.table()
@@ -104,18 +122,19 @@ def _print(study: Lab4Study) -> None:
         say(sentence)
     table(
         "stages on the sampled linear loop",
-        ["stage", "stable", "crossover [rad/s]", "GM", "PM [deg]", "delay margin [ms]", "disk margin", "peak |S|",
-         "rise [s]", "overshoot [%]", "1 V: peak [mm]", "1 V: final [mm]"],
+        ["stage", "linear loop", "crossover [rad/s]", "GM linear", "PM linear [deg]", "delay linear [ms]", "disk margin",
+         "peak |S|", "rise [s]", "overshoot [%]", "1 V: peak [mm]", "1 V: final [mm]"],
         [
-            [s.name, "yes" if s.margins.stable else "no", number(s.margins.crossover), number(s.margins.gain_margin, 3),
+            [s.name, "stable" if s.margins.stable else "unstable", number(s.margins.crossover), number(s.margins.gain_margin, 3),
              number(s.margins.phase_margin_deg, 3), number(1e3 * s.margins.delay_margin, 3),
              number(s.margins.disk_margin, 2), number(s.margins.sensitivity_peak, 3), number(s.step.rise, 3),
              number(s.step.overshoot, 3), number(s.disturbance.peak, 3), number(round(s.disturbance.final, 3), 3)]
             for s in study.stages
         ],
     )  # fmt: skip
+    say(LINEAR)
     table(
-        "tracking of the handout's trajectory, with friction and encoder counts",
+        "tracking of the handout's trajectory, simulated with friction and encoder counts",
         ["stage", "limit [V]", "rms xr - x2 [mm]", "peak [mm]", "settling [s]", "overshoot [%]", "rms u [V]", "peak u [V]",
          "at the limit", "10 mm step: rise [s]", "overshoot [%]"],
         [

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from baselines.commands._command import MOST_SEED, MOST_THREADS
 from baselines.commands._output import Json, Recordings, number, plain, print_faults, print_json, progress, say, table
 from baselines.commands._reading import Only, RigFile, Skip, Strict, read, skipped_json, skipped_lines
+from baselines.commands._results import Force, interrupted_says, result_folder
 
 if TYPE_CHECKING:
     from flexdrive_gym import Recording
@@ -19,6 +21,8 @@ if TYPE_CHECKING:
     from identification.mismatch.verdict import Diagnosis
 
 
+# nothing of a search is worth keeping before its validation
+_KEPT = "nothing of this diagnosis is kept, and {} is as it was. The same command begins again."
 _FEWEST_S, _ONE_IS_ENOUGH_S = 5.0, 10.0
 
 
@@ -27,8 +31,12 @@ def diagnose(
     output: Annotated[Path, typer.Option("--output", "-o", file_okay=False, help="Folder for the results.")] = Path(
         "diagnosis"
     ),
-    seed: Annotated[int, typer.Option(min=0, help="Of null draws and resampling; the same seed, the same answer.")] = 0,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Threads; the answer does not change.")] = None,
+    seed: Annotated[
+        int, typer.Option(min=0, max=MOST_SEED, help="Of null draws and resampling; the same seed, the same answer.")
+    ] = 0,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, max=MOST_THREADS, help="Threads; the answer does not change.")
+    ] = None,
     suggest: Annotated[
         bool,
         typer.Option("--suggest", help="Also write the experiments that would separate what cannot be told apart."),
@@ -37,19 +45,30 @@ def diagnose(
     strict: Strict = False,
     only: Only = None,
     skip: Skip = None,
+    force: Force = False,
     json: Json = False,
 ) -> None:
     """Locate, name, model and prove the physics that simulation and recordings disagree about."""
-    with progress() as bar:
+    from identification import check  # noqa: PLC0415
+
+    with (
+        interrupted_says(lambda: _KEPT.format(output)),
+        result_folder(output, "diagnosis.json", force=force),
+        progress() as bar,
+    ):
         task = bar.add_task("reading recordings", total=None)
 
         def tell(step: str) -> None:
             bar.update(task, advance=1, description=step)
 
         runs = read(recordings, rig, strict, only, skip)
+        require_enough(runs)
+        tell("checking")
+        checked = check(runs, folders=recordings, threads=jobs)
         found, suggestions = write_diagnosis(
             runs,
             output,
+            remarks=checked.remarks(),
             seed=seed,
             jobs=jobs,
             suggest=suggest,
@@ -74,9 +93,13 @@ def write_diagnosis(
     jobs: int | None = None,
     suggest: bool = False,
     title: str = "Diagnosis of a flexible drive",
+    remarks: Sequence[str] = (),
     tell: Callable[[str], None] = lambda _: None,
 ) -> tuple[Diagnosis, tuple[Suggestion, ...]]:
-    """Diagnose, and write diagnosis.json, drive.toml and report.html, all or none; return what was found."""
+    """Diagnose, and write diagnosis.json, drive.toml and report.html, all or none; return what was found.
+
+    ``remarks`` on the recordings come before the notes of the diagnosis.
+    """
     from baselines.predictions import predictions  # noqa: PLC0415
     from baselines.report.diagnosis import build_diagnosis  # noqa: PLC0415
     from flexdrive_gym import save_drive  # noqa: PLC0415
@@ -87,7 +110,7 @@ def write_diagnosis(
     require_enough(runs)
     found = run(runs, seed=seed, jobs=jobs, say=tell)
     tell("predicting")
-    found = replace(found, predictions=predictions(found))
+    found = replace(found, predictions=predictions(found), notes=(*remarks, *found.notes))
     suggestions: tuple[Suggestion, ...] = ()
     if suggest:
         tell("looking for experiments")
@@ -152,7 +175,8 @@ def print_diagnosis(found: Diagnosis) -> None:
             say(f"  {line}")
     if found.unnamed is not None:
         nearest = ", ".join(f"{words.effect_name(n)} ({s:.0%} alike)" for n, s in found.unnamed.nearest)
-        say(f"unnamed, nearest names: {nearest or 'none'}")
+        if nearest:
+            say(f"nearest to what has no name: {nearest}")
     print_faults("sensor faults, left out", found.faults)
     for line in words.ratio_sentences(found):
         say(line)

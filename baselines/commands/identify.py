@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from baselines.commands._command import MOST_THREADS
 from baselines.commands._output import Json, Recordings, interval, number, print_json, progress, say, table
 from baselines.commands._reading import Only, RigFile, Skip, Strict, read, skipped_json, skipped_lines
+from baselines.commands._results import result_file
 
 if TYPE_CHECKING:
     from identification import Identification, MaximumLikelihood
@@ -24,7 +26,7 @@ class Method(StrEnum):
     ml = "ml"
 
 
-Ratio = Annotated[float | None, typer.Option(min=0.0, help="Hold this ratio (handout: 0.54, 0.1, 0.1).")]
+Ratio = Annotated[float | None, typer.Option(min=1e-3, max=1e3, help="Hold this ratio (handout: 0.54, 0.1, 0.1).")]
 
 
 def identify(
@@ -34,33 +36,43 @@ def identify(
     alpha: Ratio = None,
     beta: Ratio = None,
     gamma: Ratio = None,
-    p: Annotated[float | None, typer.Option(min=0.0, help="Handout only: use this real pole [1/s] (3.3).")] = None,
+    p: Annotated[
+        float | None, typer.Option(min=1e-3, max=1e6, help="Handout only: use this real pole [1/s] (3.3).")
+    ] = None,
     damping: Annotated[bool, typer.Option(help="ml only: fit the spring's damping C too.")] = False,
     compare_tied: Annotated[bool, typer.Option(help="ml only: also fit with the handout's ratios held.")] = True,
-    threads: Annotated[int | None, typer.Option(min=1, help="ml only: threads; the answer does not change.")] = None,
     rig: RigFile = None,
     strict: Strict = False,
     only: Only = None,
     skip: Skip = None,
+    threads: Annotated[
+        int | None, typer.Option(min=1, max=MOST_THREADS, help="ml only: threads; the answer does not change.")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Identify the drive; print the quantities of handout 3.5 and write drive.toml."""
     from flexdrive_gym import save_drive  # noqa: PLC0415
+    from identification import MaximumLikelihood, check  # noqa: PLC0415
     from identification import identify as run  # noqa: PLC0415
     from identification.likelihood import identify_by_likelihood  # noqa: PLC0415
     from identification.quantities import HANDOUT_RATIOS  # noqa: PLC0415
     from identification.recordings.faults import gathered  # noqa: PLC0415
+    from identification.selection import select  # noqa: PLC0415
 
+    result_file(output)
     ties = {n: v for n, v in (("alpha", alpha), ("beta", beta), ("gamma", gamma)) if v is not None}
     with progress() as bar:
-        task = bar.add_task("reading recordings", total=3)
+        task = bar.add_task("reading recordings", total=4)
         runs = read(recordings, rig, strict, only, skip)
         bar.update(task, advance=1, description="identifying")
         found = run(runs, method.value, ties=ties or None, p=p, damping=damping, threads=threads)
         bar.update(task, advance=1, description="handout's ratios held")
         tied = None
         if method is Method.ml and compare_tied and not ties and found.drive.carts == 2:
-            tied = identify_by_likelihood(runs, ties=HANDOUT_RATIOS, threads=threads)
+            tied = identify_by_likelihood(select(runs).usable, ties=HANDOUT_RATIOS, threads=threads)
+        bar.update(task, advance=1, description="checking")
+        own = found.result if isinstance(found.result, MaximumLikelihood) and not ties and not damping else None
+        checked = check(runs, folders=recordings, fit=own, threads=threads)
         bar.update(task, advance=1)
     save_drive(found.drive, output)
     remarks = [f"{r.name}: {note}" for r in runs for note in r.notes]
@@ -70,10 +82,13 @@ def identify(
         for f in gathered(r.faults)
     ]
     if json:
-        print_json(_as_json(found, tied, output) | {"recording_notes": remarks, "skipped": skipped_json(runs)})
+        result = _as_json(found, tied, output) | {"recording_notes": remarks, "skipped": skipped_json(runs)}
+        print_json(result | {"ready": checked.ready, "check": checked.remarks()})
         return
-    for line in skipped_lines(runs):
+    for line in [*skipped_lines(runs), *checked.remarks()]:
         say(line)
+    for title, columns, rows in checked.tables()[2:]:
+        table(title, columns, rows)
     _print(found, tied, output, remarks)
 
 
@@ -103,10 +118,10 @@ def _as_json(found: Identification, tied: MaximumLikelihood | None, output: Path
 
 
 def _spread(q: Quantity) -> str:
-    """Return the interval, or what is known of the reading's error."""
+    """Return the 95 % interval of a fit, or the standard error of a reading."""
     if q.ci95 is not None or q.standard_error is None:
         return interval(q.ci95)
-    return f"± {q.standard_error:.2g} (1 s.e.)"
+    return f"± {q.standard_error:.2g}"
 
 
 def _print(found: Identification, tied: MaximumLikelihood | None, output: Path, remarks: list[str]) -> None:
@@ -119,7 +134,7 @@ def _print(found: Identification, tied: MaximumLikelihood | None, output: Path, 
         rows |= dict(result.ratios)
     table(
         f"identified by {'the handout' if found.method == 'handout' else 'maximum likelihood'}",
-        ["quantity", "value", "95 % interval", "unit", "how"],
+        ["quantity", "value", "standard error" if found.method == "handout" else "95 % interval", "unit", "how"],
         [[name, number(q.value, 5), _spread(q), q.unit or "–", q.how] for name, q in rows.items()],
     )
     if isinstance(result, MaximumLikelihood):

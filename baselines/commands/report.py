@@ -10,6 +10,7 @@ import typer
 
 from baselines.commands._output import Json, Recordings, print_json, progress, say
 from baselines.commands._reading import Only, RigFile, Skip, Strict, read, skipped_json, skipped_lines
+from baselines.commands._results import result_file
 
 if TYPE_CHECKING:
     from flexdrive_gym import Recording
@@ -27,6 +28,7 @@ def report(
     json: Json = False,
 ) -> None:
     """Write the handout's whole report (3.5) as one HTML page."""
+    result_file(output)
     runs = read(recordings, rig, strict, only, skip)
     written = write_report(runs, output, title)
     if json:

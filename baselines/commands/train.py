@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-import sys
+from dataclasses import asdict, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from baselines.commands._command import MOST_SEED, MOST_THREADS
 from baselines.commands._output import Json, number, print_json, progress, say, table
+from baselines.commands._results import Force, interrupted_says, require_unfinished
 
 if TYPE_CHECKING:
     from baselines.rl.agents import Agent
-    from baselines.rl.training import Plan, Trained
+    from baselines.rl.training import Plan, Trained, UnderWay
     from flexdrive_gym import Drive
+
+
+# a rollout of these many with 64 observations each is some GB
+MOST_DRIVES = 16_384
+_NAME = "agent"
 
 
 class Feedback(StrEnum):
@@ -25,6 +32,7 @@ class Feedback(StrEnum):
 
 
 def train(
+    ctx: typer.Context,
     drive: Annotated[
         Path | None,
         typer.Argument(
@@ -37,24 +45,33 @@ def train(
     feedback: Annotated[
         Feedback, typer.Option(help="Encoder the agent reads: x1 (collocated) or x2 (non-collocated).")
     ] = Feedback.x2,
-    seed: Annotated[int, typer.Option(min=0, help="Of weights, exploration, drives and references.")] = 0,
-    steps: Annotated[int, typer.Option(min=1, help="Control periods of all drives together.")] = 500_000,
-    envs: Annotated[int, typer.Option(min=1, help="Drives side by side.")] = 64,
+    seed: Annotated[
+        int, typer.Option(min=0, max=MOST_SEED, help="Of weights, exploration, drives and references.")
+    ] = 0,
+    steps: Annotated[int, typer.Option(min=1, max=10**12, help="Control periods of all drives together.")] = 500_000,
+    envs: Annotated[int, typer.Option(min=1, max=MOST_DRIVES, help="Drives side by side.")] = 64,
     history: Annotated[int, typer.Option(min=1, max=64, help="Observations the agent looks at.")] = 4,
-    threads: Annotated[int, typer.Option(min=1, help="Of torch; more help only large networks.")] = 1,
-    checkpoint_every: Annotated[int, typer.Option(min=1, help="Steps between checkpoints.")] = 100_000,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint in the folder.")] = False,
+    threads: Annotated[int, typer.Option(min=1, max=MOST_THREADS, help="Of torch; more help only large networks.")] = 1,
+    checkpoint_every: Annotated[int, typer.Option(min=1, max=10**12, help="Steps between checkpoints.")] = 100_000,
+    resume: Annotated[
+        bool,
+        typer.Option(
+            "--resume",
+            help="Go on from the checkpoint in the folder, with its drive and options; --steps may ask for more.",
+        ),
+    ] = False,
     reproduce: Annotated[
         str | None,
         typer.Option(
             metavar="NAME", help="Retrain a ready-trained agent: drive and options as its card says; compare."
         ),
     ] = None,
+    force: Force = False,
     json: Json = False,
 ) -> None:
     """Train a reinforcement-learning agent on the drive and on drives around it.
 
-    Ctrl-C or a kill loses at most what came after the last checkpoint: repeat the command with --resume.
+    Ctrl-C or a kill loses at most what came after the last checkpoint: flexdrive train --resume -o FOLDER goes on.
     """
     try:
         from baselines.rl import training  # noqa: PLC0415
@@ -62,20 +79,28 @@ def train(
         raise ValueError(f"train: {error.name} is not installed. pip install 'flexdrive[rl]'.") from error
     from baselines.rl.agents import find_agent  # noqa: PLC0415
     from flexdrive_gym import DEFAULT_DRIVE, load_drive  # noqa: PLC0415
+    from flexdrive_gym.files import only_writer  # noqa: PLC0415
 
     if reproduce is not None and drive is not None:
         raise ValueError(f"drive: {reproduce} is retrained on the drive of its card; got {drive} too. Leave DRIVE out.")
-    original = None if reproduce is None else find_agent(reproduce)
-    if original is None:
-        rig = DEFAULT_DRIVE if drive is None else load_drive(drive)
-        plan = training.Plan(feedback.value, seed, steps, envs, history, threads)
+    asked = training.Plan(feedback.value, seed, steps, envs, history, threads)
+    if resume:
+        rest = training.under_way(output)
+        given = {name for name in ctx.params if getattr(ctx.get_parameter_source(name), "name", "") == "COMMANDLINE"}
+        plan = _resumed(rest, asked, given, reproduce)
+        rig = rest.drive if drive is None else load_drive(drive)
+        name = rest.name
+        every = checkpoint_every if "checkpoint_every" in given else rest.checkpoint_every
+        original = None if name == _NAME else find_agent(name)
     else:
-        rig, plan = _asked(original)
-    try:
-        trained = _watched(rig, plan, output, reproduce or "agent", checkpoint_every, resume=resume)
-    except KeyboardInterrupt:
-        print(f"flexdrive: interrupted; go on with --resume (checkpoint in {output})", file=sys.stderr)
-        raise SystemExit(1) from None
+        require_unfinished(output, training.AGENT, force=force)
+        original = None if reproduce is None else find_agent(reproduce)
+        name, every = reproduce or _NAME, checkpoint_every
+        rig, plan = (
+            (DEFAULT_DRIVE if drive is None else load_drive(drive), asked) if original is None else _asked(original)
+        )
+    with interrupted_says(lambda: _kept(output)), only_writer(output):
+        trained = _watched(rig, plan, output, name, every, resume=resume)
     card, files = trained.agent.card, [output / name for name in (training.AGENT, training.CARD, training.CURVE)]
     same = None if original is None else compared(original, trained.agent)
     if json:
@@ -98,6 +123,29 @@ def train(
     )
     for path in files:
         say(f"wrote {path}")
+
+
+def _kept(output: Path) -> str:
+    """Say after Ctrl-C what there is to go on from."""
+    from baselines.rl.training import CHECKPOINT  # noqa: PLC0415
+
+    if (output / CHECKPOINT).exists():
+        return f"the training so far is kept in {output / CHECKPOINT}; go on with --resume: flexdrive train --resume -o {output}"
+    return "nothing had been learnt yet. The same command begins again."
+
+
+def _resumed(rest: UnderWay, asked: Plan, given: set[str], reproduce: str | None) -> Plan:
+    """Return the checkpoint's plan, with more steps if that is asked for; refuse by name whatever else is asked differently."""
+    then, now = asdict(rest.plan), asdict(asked)
+    if reproduce is not None and reproduce != rest.name:
+        raise ValueError(f"resume: the checkpoint is of {rest.name!r}; got --reproduce {reproduce}. Leave it out.")
+    for option in sorted(given & set(now) - {"steps"}):
+        if now[option] != then[option]:
+            raise ValueError(
+                f"resume: goes on with the options of the checkpoint; it had --{option} {then[option]}, and got --{option} "
+                f"{now[option]}. Leave it out, or train in another folder."
+            )
+    return replace(rest.plan, steps=asked.steps) if "steps" in given else rest.plan
 
 
 def _asked(original: Agent) -> tuple[Drive, Plan]:

@@ -54,17 +54,20 @@ def validate(
                 "unit": units.name("mm/s"),
                 **({"rms_mm_s": result.rms, "floor_mm_s": result.floor} if units.lab else {}),
                 "per_recording": fits,
+                "notes": result.notes,
                 "frequency_response": None if response is None else response.rows,
                 "files": files,
                 "skipped": skipped_json(runs),
             }
         )
         return
+    from baselines.report.words import by_number  # noqa: PLC0415
+
     for line in skipped_lines(runs):
         say(line)
     table(
         f"{model.name} against {len(runs)} recordings",
-        ["recording", "channel", "rms", "floor", "unit", "NRMSE fit", "VAF"],
+        ["recording", "channel", "rms", "floor", "unit", "NRMSE fit", "VAF", "how"],
         [
             [
                 f.recording,
@@ -74,12 +77,14 @@ def validate(
                 f.unit,
                 _percent(f.nrmse),
                 _percent(f.vaf),
+                f.how,
             ]
-            for f in fits
+            for f in sorted(fits, key=lambda f: (by_number(f.recording), f.channel))
         ],
     )
-    rms, floor = (units.text(v, "mm/s", 3) for v in (result.rms, result.floor))
-    say(f"all velocities: rms {rms}, floor {floor}")
+    for note in result.notes:
+        say(f"note: {note}")
+    say(result.summary())
     if response is not None:
         columns, rows = response.as_table()
         table("frequency response (3.4)", columns, rows)

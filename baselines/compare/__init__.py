@@ -4,6 +4,7 @@ from baselines.compare.behaviour import Behaviour, behaviour, best_classical
 from baselines.compare.cases import DRAWS, UNSEEN, Case, cases_of, named_reference, typical_effects
 from baselines.compare.comparison import DURATION_S, compare
 from baselines.compare.entries import Entry, agent_entries, entries, previewed_entries
+from baselines.compare.own import is_own, load_linear, load_own, own_entry
 from baselines.compare.results import Comparison, Group, Result
 from baselines.compare.sentences import headline
 from baselines.compare.summary import Improvement, Summary, summarise
@@ -28,8 +29,12 @@ __all__ = [
     "compare",
     "entries",
     "headline",
+    "is_own",
     "learnt_verdicts",
+    "load_linear",
+    "load_own",
     "named_reference",
+    "own_entry",
     "previewed_entries",
     "summarise",
     "typical_effects",

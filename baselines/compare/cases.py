@@ -13,6 +13,7 @@ from baselines.stability_limit import with_rig
 from flexdrive_gym import Drive
 from flexdrive_gym.drive.effects import EFFECTS
 from flexdrive_gym.recording import FloatArray
+from flexdrive_gym.reference_specs import split
 from flexdrive_gym.references import sample_reference
 
 DRAWS = 500
@@ -57,17 +58,11 @@ def named_reference(text: str) -> Reference:
     ValueError
         For a keyword without a number; an unknown name or keyword is found when it is sampled.
     """
-    name, *given = text.split(":")
-    keywords = {} if given else dict(UNSEEN.get(name, {}))
-    for item in given:
-        key, _, value = item.partition("=")
-        try:
-            keywords[key] = float(value)
-        except ValueError as error:
-            raise ValueError(
-                f"references: must be name:keyword=number; got {text!r}. Try sine:amplitude=10."
-            ) from error
-    reference = Reference(name, tuple(keywords.items()))
+    try:
+        name, keywords = split(text)
+    except ValueError as error:
+        raise ValueError(str(error).replace("reference:", "references:", 1)) from error
+    reference = Reference(name, tuple((keywords or dict(UNSEEN.get(name, {}))).items()))
     try:
         reference.sampled(np.zeros(1))
     except (TypeError, ValueError) as error:

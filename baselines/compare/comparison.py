@@ -17,10 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from baselines.compare.cases import Case, Reference, cases_of
+from baselines.compare.cases import DRAWS, UNSEEN_REFERENCES, Case, Reference, cases_of, named_reference
 from baselines.compare.entries import Entry
+from baselines.compare.own import as_entries
 from baselines.compare.results import Comparison, result_of
-from baselines.empirical_margins import EmpiricalMargins, On, empirical_margins
+from baselines.empirical_margins import EmpiricalMargins, NoMarginsError, On, empirical_margins
 from baselines.execution import Backend, Progress, run_jobs
 from baselines.margins import Margins, margins
 from baselines.metrics import NAMES, TOLERANCE_MM, TRAVEL_MM, measure
@@ -41,8 +42,11 @@ def instants(duration: float) -> FloatArray:
 
 def compare(
     drive: Drive,
-    controllers: Sequence[Entry],
+    controllers: Sequence[Entry] | Mapping[str, Controller | Entry],
     *,
+    draws: int | None = None,
+    effects: bool = True,
+    references: Sequence[Reference | str] = UNSEEN_REFERENCES,
     cases: Sequence[Case] | None = None,
     duration: float = DURATION_S,
     limit: float = inf,
@@ -62,9 +66,16 @@ def compare(
     drive
         The identified drive.
     controllers
-        What competes; see :func:`~baselines.compare.entries.entries`.
+        What competes: controllers by name, ``{"mine": controller}``, or entries; see
+        :func:`~baselines.compare.entries.entries`.
+    draws
+        Drives drawn from the identified covariance; ``None``: 500 where there is one, else none.
+    effects
+        Whether each left-out effect at its typical size is a case.
+    references
+        Beside the handout's trajectory, for example ``"sine:amplitude=10"``.
     cases
-        Default: :func:`~baselines.compare.cases.cases_of` the drive.
+        Instead of what draws, effects and references say; see :func:`~baselines.compare.cases.cases_of`.
     duration
         Of a run [s].
     limit
@@ -91,15 +102,22 @@ def compare(
     ValueError
         For names that are not unique, an unknown backend, or ``dask`` without an address.
     """
-    names = [entry.name for entry in controllers]
+    entries = as_entries(controllers)
+    names = [entry.name for entry in entries]
+    if not names:
+        raise ValueError("controllers: must be at least one; got none.")
     if len(set(names)) < len(names):
         raise ValueError(f"controllers: names must be unique; got {', '.join(names)}.")
-    chosen = tuple(cases_of(drive, seed=seed) if cases is None else cases)
+    if cases is None:
+        along = [named_reference(r) if isinstance(r, str) else r for r in references]
+        many = (DRAWS if drive.covariance is not None else 0) if draws is None else draws
+        cases = cases_of(drive, draws=many, effects=effects, references=along, seed=seed)
+    chosen = tuple(cases)
     rig = with_rig(drive)
     work: list[tuple[Callable[..., Any], tuple[Any, ...]]] = []
     of: list[Entry] = []
     # what takes longest first, so that no core waits for one late job
-    for entry in sorted(controllers, key=lambda e: not e.learnt):
+    for entry in sorted(entries, key=lambda e: not e.learnt):
         work.append((_margins, (entry.loop, rig, empirical)))
         of.append(entry)
         for reference, drives in _blocks(chosen, BLOCK[entry.learnt]):
@@ -108,7 +126,7 @@ def compare(
     found: dict[str, list[Any]] = {name: [] for name in names}
     for entry, answer in zip(of, run_jobs(work, backend, jobs, scheduler, progress), strict=True):
         found[entry.name].append(answer)
-    results = tuple(result_of(e, chosen, np.vstack(found[e.name][1:]), *found[e.name][0]) for e in controllers)
+    results = tuple(result_of(e, chosen, np.vstack(found[e.name][1:]), *found[e.name][0]) for e in entries)
     return Comparison(rig, chosen, results, limit, tolerance, duration, seed, dict(skipped or {}))
 
 
@@ -141,20 +159,19 @@ def _block(
 
 def _margins(
     controller: Controller, drive: Drive, empirical: bool
-) -> tuple[Margins | None, EmpiricalMargins | None, EmpiricalMargins | None]:
-    """Return margins of one controller: analytic, by trial on the linear drive, by trial on the rig."""
-    if not isinstance(controller, LinearController):
-        # without friction a policy may vibrate by itself; what counts of it is the rig
-        return None, None, _by_trial(drive, controller, "full") if empirical else None
-    analytic = margins(drive, controller)
+) -> tuple[Margins | None, EmpiricalMargins | None, EmpiricalMargins | None, float | None]:
+    """Return margins of one controller: analytic, by trial on the linear drive, by trial with friction; and the swing there."""
+    # without friction a policy may vibrate by itself; what counts of it is the rig
+    analytic = margins(drive, controller) if isinstance(controller, LinearController) else None
     if not empirical:
-        return analytic, None, None
-    on_linear = _by_trial(drive, controller, "linear") if analytic.stable else None
-    return analytic, on_linear, _by_trial(drive, controller, "full")
+        return analytic, None, None, None
+    on_linear = _by_trial(drive, controller, "linear")[0] if analytic is not None and analytic.stable else None
+    return analytic, on_linear, *_by_trial(drive, controller, "full")
 
 
-def _by_trial(drive: Drive, controller: Controller, on: On) -> EmpiricalMargins | None:
+def _by_trial(drive: Drive, controller: Controller, on: On) -> tuple[EmpiricalMargins | None, float]:
     try:
-        return empirical_margins(drive, controller, on=on)
-    except ValueError:  # what grows by itself has none
-        return None
+        found = empirical_margins(drive, controller, on=on)
+    except NoMarginsError as error:  # what grows by itself has none
+        return None, error.swing
+    return found, found.swing

@@ -21,7 +21,7 @@ from flexdrive_gym.references import random_moves
 PREVIEWED = ("lab4", "lab4_friction", "lqg", "cascade_friction")
 _LEAD_STEP_S = 5e-3
 _TUNING_S = 8.0
-_READS = {"collocated": "x1", "non_collocated": "x2", "full_state": "x1, x2"}
+READS = {"collocated": "x1", "non_collocated": "x2", "full_state": "x1, x2"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +163,7 @@ def agent_entries(drive: Drive, names: Sequence[str] | None = None) -> list[Entr
 
 def _entry(agent: Agent, name: str, drive: Drive) -> Entry:
     controller = agent.controller(drive)
-    reads, period = _READS[controller.task.sensing], controller.task.control_period
+    reads, period = READS[controller.task.sensing], controller.task.control_period
     steps = agent.card.get("steps")
     trained = f", {steps / 1e6:.3g} million steps" if isinstance(steps, int | float) else ""
     previewed = max(controller.task.preview, default=0.0)

@@ -12,12 +12,13 @@ from baselines.compare.comparison import instants
 from baselines.compare.results import Comparison
 from baselines.controllers import design
 from baselines.controllers.p_control import proportional
-from baselines.empirical_margins import EmpiricalMargins, empirical_margins
+from baselines.empirical_margins import EmpiricalMargins, NoMarginsError, empirical_margins
 from baselines.experiments import stability_experiments
+from baselines.margins import Margins, margins
 from baselines.metrics import Measures, dwells, measure
 from baselines.running import RIG_TIME_S, run_many
 from baselines.stability_limit import StabilityLimit, stability_limit
-from flexdrive_gym import Controller, Drive, Recording
+from flexdrive_gym import Controller, Drive, LinearController, Recording
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.references import handout_trajectory
 
@@ -42,6 +43,12 @@ class Demonstration:
         True x1, v1, x2, v2 and u.
     vibration
         Largest swing of x2 in the second half of a dwell, peak to peak [mm].
+    on_rig
+        Margins by trial, simulated with friction, counts and limit; ``None`` where the loop fails as it is.
+    margins
+        Of the sampled linear loop; ``None`` for a black box.
+    swing
+        Of the cart that swings most in the last six of twelve seconds after one move, peak to peak [mm].
     """
 
     name: str
@@ -53,6 +60,8 @@ class Demonstration:
     parts: Parts
     vibration: float
     on_rig: EmpiricalMargins | None
+    margins: Margins | None
+    swing: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,10 +136,12 @@ def _demonstrated(
     run = run_many(controller, [drive], xr)[0]
     of = measure(drive, xr, run[:4], run[4], RIG_TIME_S, limit=drive.voltage_limit)
     swings = [float(np.ptp(run[2][d.middle : d.end])) for d in dwells(xr, RIG_TIME_S)]
+    on_rig: EmpiricalMargins | None = None
     try:
-        margins = empirical_margins(drive, controller, on="full")
-    except ValueError:  # it fails as it is
-        margins = None
-    return Demonstration(
-        name, law, reads, period, run, of, error_parts(xr, xr - run[2]), max(swings, default=inf), margins
-    )
+        on_rig = empirical_margins(drive, controller, on="full")
+        swing = on_rig.swing
+    except NoMarginsError as error:  # it fails as it is
+        swing = error.swing
+    linear = margins(drive, controller) if isinstance(controller, LinearController) else None
+    parts = error_parts(xr, xr - run[2])
+    return Demonstration(name, law, reads, period, run, of, parts, max(swings, default=inf), on_rig, linear, swing)

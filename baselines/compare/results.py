@@ -10,6 +10,7 @@ import numpy as np
 
 from baselines.compare.cases import Case
 from baselines.compare.entries import Entry
+from baselines.compare.tables import tables
 from baselines.empirical_margins import EmpiricalMargins
 from baselines.margins import Margins
 from baselines.metrics import NAMES, Measures
@@ -31,7 +32,10 @@ class Result:
     empirical
         By trial on the linear drive, or ``None`` where not asked for.
     on_rig
-        By trial on the drive with friction, counts and limit, or ``None`` where not asked for.
+        By trial, simulated with friction, counts and limit, or ``None`` where not asked for or it fails as it is.
+    swing
+        Of the cart that swings most in the last six of twelve seconds after one move, simulated with friction, peak to peak [mm],
+        or ``None`` where margins by trial were not asked for.
     draws, stable_draws
         Shares of success and of stability over the drawn drives, or ``None`` without draws.
     draw_rms
@@ -49,6 +53,7 @@ class Result:
     margins: Margins | None
     empirical: EmpiricalMargins | None
     on_rig: EmpiricalMargins | None
+    swing: float | None
     draws: Share | None
     stable_draws: Share | None
     draw_rms: tuple[float, float, float] | None
@@ -110,6 +115,9 @@ class Comparison:
     seed: int
     skipped: Mapping[str, str] = field(default_factory=dict)
 
+    def __str__(self) -> str:
+        return "\n\n".join(str(table) for table in tables(self))
+
     @property
     def groups(self) -> tuple[Group, ...]:
         """Results by group, in the order of the entries."""
@@ -144,6 +152,7 @@ def result_of(
     analytic: Margins | None,
     empirical: EmpiricalMargins | None,
     on_rig: EmpiricalMargins | None,
+    swing: float | None,
 ) -> Result:
     """Return the result of one controller from its table of measures."""
     found = list(zip(cases, map(_as_measures, table), strict=True))
@@ -155,6 +164,7 @@ def result_of(
         margins=analytic,
         empirical=empirical,
         on_rig=on_rig,
+        swing=swing,
         draws=share([m.success for m in drawn]),
         stable_draws=share([m.stable for m in drawn]),
         draw_rms=None if quantiles is None else (float(quantiles[0]), float(quantiles[1]), float(quantiles[2])),

@@ -64,7 +64,8 @@ def _standing(name: str, pairs: Sequence[Improvement]) -> list[str]:
         said.append(f"It loses against {', '.join(losses)}.")
     if open_:
         said.append(
-            f"It cannot be told from {', '.join(open_)} (the interval of the probability of improvement holds 50 %)."
+            f"No difference from {', '.join(open_)} is significant (the interval of the probability of improvement "
+            "contains 50 %)."
         )
     return said
 
@@ -182,8 +183,8 @@ def _price(group: Group, rival: Result, own: Summary, other: Summary) -> list[st
     if trials and rival.on_rig is not None:
         gain, delay = (float(np.median([getattr(t, f"{x}_margin") for t in trials])) for x in ("gain", "delay"))
         pairs += [
-            ("gain margin on the rig", "", gain, rival.on_rig.gain_margin, False),
-            ("delay margin on the rig", "ms", 1e3 * delay, 1e3 * rival.on_rig.delay_margin, False),
+            ("gain margin with friction", "", gain, rival.on_rig.gain_margin, False),
+            ("delay margin with friction", "ms", 1e3 * delay, 1e3 * rival.on_rig.delay_margin, False),
         ]
     told: dict[bool, list[str]] = {True: [], False: []}
     for name, unit, a, b, less_is_better in pairs:
@@ -199,7 +200,7 @@ def _price(group: Group, rival: Result, own: Summary, other: Summary) -> list[st
         said.append(f"Beside {rival.entry.name}, {group.name} is better in {', '.join(told[True])}.")
     failing = [r.entry.name for r in group.results if r.on_rig is None]
     if failing and trials:
-        said.append(f"As they are, {', '.join(failing)} fail the trial on the rig: they have no margin.")
+        said.append(f"As they are, {', '.join(failing)} fail the simulated trial with friction: they have no margin.")
     return said + _seeds_differ(group)
 
 

@@ -1,12 +1,11 @@
-"""Public identification benchmarks: a reader, units, a topology and a rule each; the diagnosis is the same for all."""
+"""Public identification benchmarks: a rig description, a topology and a rule each; the diagnosis is the same for all."""
 
 from baselines.public.benchmark import Benchmark, Published, Rule
 from baselines.public.coupled_drives import COUPLED_DRIVES
 from baselines.public.emps import EMPS
 from baselines.public.run import Result, Score, run_benchmark
 from baselines.public.silverbox import SILVERBOX
-from baselines.public.units import Units
 
 BENCHMARKS = {b.name: b for b in (EMPS, COUPLED_DRIVES, SILVERBOX)}
 
-__all__ = ["BENCHMARKS", "Benchmark", "Published", "Result", "Rule", "Score", "Units", "run_benchmark"]
+__all__ = ["BENCHMARKS", "Benchmark", "Published", "Result", "Rule", "Score", "run_benchmark"]

@@ -1,4 +1,4 @@
-"""What a public benchmark is: how its files are read, its units, its topology, and the rule it is scored by."""
+"""What a public benchmark is: its rig description, its topology, and the rule it is scored by."""
 
 from __future__ import annotations
 
@@ -8,12 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from baselines.public.units import Units
-from flexdrive_gym.recording import Channel, FloatArray, Recording
-from identification.recordings.errors import broken
-from identification.recordings.faults import missing_samples
-from identification.recordings.files import extension, read_table
-from identification.recordings.timing import make_uniform
+from flexdrive_gym.recording import FloatArray, Recording
+from flexdrive_gym.units import Units
+from identification.recordings import Rig, read_recordings
+from identification.recordings.rig import scaled
 from identification.topology import Topology
 
 
@@ -52,14 +50,16 @@ class Benchmark:
         For the command, headings and those who use its figures.
     train, test
         Patterns of file names.
-    read
-        Makes a recording of a file, in the engine's units.
-    topology, units, rule
+    rig
+        What the columns of its files mean, and their units.
+    topology, rule
         Of the rig.
     columns, published
         Headings of the published table and its rows.
     hold_out
         Divides the training recordings into what is learnt from and what is kept for validation.
+    known
+        Adds to a recording what its file cannot say.
     column_of
         Returns in which column of the table a recording is scored.
     without_extrapolation
@@ -71,15 +71,19 @@ class Benchmark:
     citation: str
     train: tuple[str, ...]
     test: tuple[str, ...]
-    read: Callable[[Path], Recording]
+    rig: Rig
     topology: Topology
-    units: Units
     rule: Rule
     columns: tuple[str, ...]
     published: tuple[Published, ...]
     hold_out: Callable[[Sequence[Recording]], tuple[tuple[Recording, ...], tuple[Recording, ...]]]
+    known: Callable[[Recording], Recording] = lambda recording: recording
     column_of: Callable[[Recording], int] = lambda _: 0
     without_extrapolation: Mapping[int, int] = field(default_factory=dict)
+
+    def read(self, path: Path) -> Recording:
+        """Return the recording in a file, in the engine's units."""
+        return self.known(read_recordings([path], rig=self.rig, strict=True)[0])
 
     def files(self, folder: Path, patterns: Sequence[str]) -> list[Path]:
         """Return the files of a folder that match, in order of their names."""
@@ -88,49 +92,12 @@ class Benchmark:
     def score(self, error: FloatArray) -> float:
         """Return the figure of a simulation error [engine's mm or mm/s], the window left out."""
         rms = float(np.sqrt(np.mean(np.square(error[self.rule.window :]))))
-        return rms / self.scale * self.rule.per_output
+        return rms / self.units.per_length * self.rule.per_output
 
     @property
-    def scale(self) -> float:
-        """Engine's units in one unit of the rig's output."""
-        return self.units.length
-
-
-def read_columns(path: Path, units: Units, channel: Channel, column: str) -> Recording:
-    """Read columns t_s, u_V and one of an output; what is missing is interpolated and a fault.
-
-    Parameters
-    ----------
-    path
-        A ``.csv``, ``.csv.gz`` or ``.mat`` file.
-    units
-        Of the rig.
-    channel, column
-        What the output is, and its name in the file.
-
-    Returns
-    -------
-    Recording
-        In the engine's units, named as the file.
-
-    Raises
-    ------
-    RecordingError
-        If a column is not there, or the file cannot be read.
-    """
-    table = read_table(path)
-    columns = dict(zip(table.labels, table.values, strict=True))
-    wanted = ("t_s", "u_V", column)
-    if any(label not in columns for label in wanted):
-        rule, got = f"must be {', '.join(wanted)}", ", ".join(columns)
-        raise broken(path.name, "columns", rule, got, "Name them so in the header.")
-    t, u, y = (columns[label] for label in wanted)
-    scale = units.length if channel[0] == "x" else units.length / units.time
-    uniform = make_uniform(t * units.time, {"u": u * units.voltage, channel: y * scale}, path.name)
-    name = path.name[: len(path.name) - len(extension(path))]
-    notes = (*table.notes, *uniform.notes)
-    faults = missing_samples(uniform, name)
-    return Recording(name, uniform.t, **uniform.signals, faults=faults, notes=notes, source=path.name)  # type: ignore[arg-type]
+    def units(self) -> Units:
+        """The rig's units; their scale is part of its description."""
+        return scaled(self.rig, 1.0, 1.0)
 
 
 def piece(recording: Recording, begin: int, end: int, name: str) -> Recording:

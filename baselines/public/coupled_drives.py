@@ -11,21 +11,26 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
-from baselines.public.benchmark import Benchmark, Published, Rule, piece, read_columns
-from baselines.public.units import Units
+from baselines.public.benchmark import Benchmark, Published, Rule, piece
 from flexdrive_gym.recording import Recording
+from identification.recordings import Rig
+from identification.recordings.rig import Unit
 from identification.topology import Topology
 
 # one tick per second as 100 mm/s
-UNITS = Units(output="ticks", length=100.0)
+RIG = Rig(
+    name="CE8",
+    columns={"v2": ("speed_ticks_s",)},
+    units={"v2": Unit("ticks/s")},
+    scale={"length": 100.0},
+)
 _KEPT = 100
 
 
-def read(path: Path) -> Recording:
-    """Read columns t_s, u_V, speed_ticks_s; how the speed was made is not known."""
-    return replace(read_columns(path, UNITS, "v2", "speed_ticks_s"), velocity_cutoff=None)
+def known(recording: Recording) -> Recording:
+    """Say that nobody knows how the speed was made from the pulses."""
+    return replace(recording, velocity_cutoff=None, quantum=(0.0, 0.0))
 
 
 def hold_out(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
@@ -51,7 +56,8 @@ COUPLED_DRIVES = Benchmark(
     citation="T. Wigren, M. Schoukens, Coupled electric drives data set and reference models, 2017",
     train=("*train*",),
     test=("*test*",),
-    read=read,
+    rig=RIG,
+    known=known,
     topology=Topology(
         "two inertias and a belt",
         2,
@@ -60,7 +66,6 @@ COUPLED_DRIVES = Benchmark(
         frozenset({"encoder_1"}),
         {"m1": 1e-3, "m2": 5e-4, "b1": 1e-2, "k": 0.1},
     ),
-    units=UNITS,
     rule=Rule(window=10, unit="ticks/s"),
     columns=("record 1", "record 2"),
     published=(

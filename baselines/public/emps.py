@@ -6,18 +6,11 @@ The linear carriage is a mass with viscous friction; dry friction and all the re
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from baselines.public.benchmark import Benchmark, Published, Rule, piece
-from baselines.public.units import Units
 from flexdrive_gym.recording import Recording
-from identification.recordings import read_recordings
+from identification.recordings import Rig
 from identification.topology import Topology
-
-
-def read(path: Path) -> Recording:
-    """Read columns t_s, u_V, qref_m, q_m."""
-    return read_recordings(path)[0]
 
 
 def hold_out(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
@@ -32,9 +25,8 @@ EMPS = Benchmark(
     citation="A. Janot, M. Gautier, M. Brunot, Data set and reference models of EMPS, 2019",
     train=("*train*",),
     test=("*test*",),
-    read=read,
+    rig=Rig(name="EMPS", carts=1),
     topology=Topology("linear carriage", 1, ("m1", "b1")),
-    units=Units(),
     rule=Rule(window=20, unit="mm"),
     columns=("EMPS",),
     published=(

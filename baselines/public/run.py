@@ -76,7 +76,7 @@ class Result:
     @property
     def faults(self) -> tuple[Fault, ...]:
         """What is wrong with the files, times in the rig's seconds."""
-        one = self.benchmark.units.time
+        one = self.benchmark.units.per_time
         return tuple(
             replace(f, start_s=f.start_s / one, end_s=f.end_s / one) for r in self.recordings for f in r.faults
         )

@@ -4,21 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
-from baselines.public.benchmark import Benchmark, Published, Rule, piece, read_columns
-from baselines.public.units import Units
+from baselines.public.benchmark import Benchmark, Published, Rule, piece
 from flexdrive_gym.recording import Recording
+from identification.recordings import Rig
+from identification.recordings.rig import Unit
 from identification.topology import grounded
 
 # one volt of output as 100 mm and one of input as 20 V make the spring and its deflection those of the lab; three times slower, a
 # sample is 5 ms and the resonance lies at 22 Hz
-UNITS = Units(output="V", length=100.0, time=3.0, voltage=20.0)
+RIG = Rig(
+    name="Silverbox",
+    columns={"x1": ("y_V",)},
+    units={"x1": Unit("V")},
+    scale={"length": 100.0, "command": 20.0, "time": 3.0},
+)
 
 
-def read(path: Path) -> Recording:
-    """Read columns t_s, u_V, y_V; the command was continuous."""
-    return replace(read_columns(path, UNITS, "x1", "y_V"), hold="band_limited")
+def known(recording: Recording) -> Recording:
+    """Say that the command was continuous."""
+    return replace(recording, hold="band_limited")
 
 
 def hold_out(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
@@ -34,9 +39,9 @@ SILVERBOX = Benchmark(
     "identification, ECC 2013",
     train=("*train*",),
     test=("*test*", "*arrow*"),
-    read=read,
+    rig=RIG,
+    known=known,
     topology=grounded("linear oscillator", {"m1": 1e-5, "b1": 1e-4, "k": 0.2}),
-    units=UNITS,
     rule=Rule(window=50, unit="mV", per_output=1000.0),
     columns=("multisine", "arrow", "arrow within range"),
     published=(

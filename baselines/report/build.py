@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from baselines.report import sections as parts
@@ -42,7 +43,7 @@ def build_report(
     progress("figures")
     sections = [
         *([] if diagnosis is None else main_sections(diagnosis)),
-        parts.faults(found),
+        parts.values(found),
         parts.p_control_section(found),
         parts.step_responses(found),
         parts.sines(found),
@@ -50,6 +51,7 @@ def build_report(
         parts.time_domain(found),
         parts.frequency_domain(found),
         parts.stability(found),
+        parts.faults(found),
     ]
     progress("page")
     return render(
@@ -75,24 +77,29 @@ def _subtitle(found: Findings) -> str:
 
 
 def _summary(found: Findings) -> list[str]:
-    fit, drive = found.fit, found.likely.drive
+    fit, drive, units = found.fit, found.likely.drive, found.likely.drive.units
+    floor = (
+        "The floor, what differs between repetitions and so cannot be explained by a model, is "
+        f"{units.text(found.validation.floor, 'mm/s', 3)}."
+        if math.isfinite(found.validation.floor)
+        else "No run repeats itself, so there is no floor to compare it with."
+    )
+    rms = found.validation.rms if math.isfinite(found.validation.rms) else fit.rms
     lines = [
-        (
-            f"Identified by maximum likelihood: rms error of the velocities {found.validation.rms:.1f} mm/s; what does "
-            f"not repeat between periods, which no model can explain, is {found.validation.floor:.1f} mm/s."
-        )
+        f"Identified by maximum likelihood: the rms error of the velocities is {units.text(rms, 'mm/s', 3)}. {floor}"
     ]
     if found.tied is not None:
         ratios = ", ".join(f"{n} = {fit.ratios[n].value:.2f} (handout {HANDOUT_RATIOS[n]:g})" for n in HANDOUT_RATIOS)
         lines.append(
-            f"The handout's ratios leave {found.tied.rms:.1f} mm/s; freeing them cuts the squared error by "
-            f"{improvement(found.tied, fit):.0%}: {ratios}."
+            f"With the handout's ratios held, the error is {units.text(found.tied.rms, 'mm/s', 3)}; estimating them "
+            "reduces the squared error "
+            f"by {improvement(found.tied, fit):.0%}: {ratios}."
         )
     if "x2" in found.limits:
-        lines.append(explain(drive, found.limits["x2"]) + parts.measured_limit(found.observed))
+        lines.append(explain(drive, found.limits["x2"]) + parts.measured_limit(found.observed, units))
     faults = [f for r in found.recordings for f in r.faults if f.id != "saturation"]
     lines.append(
-        f"{len(faults)} data faults were found and masked; they are listed below."
+        f"{len(faults)} data faults were found and masked; they are listed at the end."
         if faults
         else "No data fault was found."
     )

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 from baselines.compare import Comparison, Result, behaviour, headline, summarise
 from baselines.compare.comparison import instants
+from baselines.compare.tables import BY_TRIAL, LINEAR, WITH_FRICTION, loop_words, share_cell
 from baselines.report import control_plots as plots
 from baselines.report.design_page import cell
 from baselines.report.learnt_section import behaviour_section, statistics_section
 from baselines.report.page import Section, render
 from baselines.running import run_many
-from baselines.shares import Share
 from flexdrive_gym import LinearController, __version__
 from flexdrive_gym.references import handout_trajectory
 
@@ -41,11 +41,6 @@ def build_compare_page(comparison: Comparison) -> str:
         sections=sections,
         footer=f"Made by flexdrive {__version__}: flexdrive compare.",
     )
-
-
-def share_cell(share: Share | None) -> str:
-    """Return a share with its interval for a table."""
-    return "–" if share is None else f"{share.value:.1%} ({share.low:.1%} … {share.high:.1%})"
 
 
 def _tracking(comparison: Comparison) -> Section:
@@ -90,10 +85,11 @@ def _margins(comparison: Comparison) -> Section:
     section = Section("Margins", "margins")
     rows = [(r, r.margins) for r in comparison.results if r.margins is not None]
     section.table(
-        ("controller", "stable", "crossover [rad/s]", "GM", "GM by trial", "PM [deg]", "delay margin [ms]", "by trial [ms]",
-         "disk margin", "peak |S|", "smallest disturbance rejection [V/mm]", "GM on the rig", "delay on the rig [ms]"),
+        ("controller", "loop", "crossover [rad/s]", "GM linear", "by trial", "PM linear [deg]", "delay linear [ms]",
+         "by trial [ms]", "disk margin", "peak |S|", "smallest disturbance rejection [V/mm]", "GM with friction",
+         "delay with friction [ms]"),
         [
-            (r.entry.name, "yes" if m.stable else "no", cell(m.crossover), cell(m.gain_margin, 4), *_trial(r, "gain"),
+            (r.entry.name, loop_words(r), cell(m.crossover), cell(m.gain_margin, 4), *_trial(r, "gain"),
              cell(m.phase_margin_deg), cell(1e3 * m.delay_margin, 4), *_trial(r, "delay"), cell(m.disk_margin),
              cell(m.sensitivity_peak), cell(m.stiffness), *_on_rig(r))
             for r, m in rows
@@ -102,13 +98,11 @@ def _margins(comparison: Comparison) -> Section:
     black = [r for r in comparison.results if r.margins is None and r.on_rig is not None]
     if black:
         section.table(
-            ("black box", "GM on the rig", "delay on the rig [ms]"), [(r.entry.name, *_on_rig(r)) for r in black]
+            ("black box", "loop", "GM with friction", "delay with friction [ms]"),
+            [(r.entry.name, loop_words(r), *_on_rig(r)) for r in black],
         )
-    section.text(
-        "By trial: on the linear drive. On the rig: with friction, counts and limit; a loop fails if x2 swings more than 25 mm "
-        "in the last six of twelve seconds after a move, or the command is at its limit for a tenth of them. A dash: no limit "
-        "below 200 times the gain, or a second of delay."
-    )
+    section.text(f"{LINEAR} {BY_TRIAL}")
+    section.text(f"{WITH_FRICTION} A dash: no limit below 200 times the gain, or a second of delay.")
     fast = [r for r, _m in rows if r.entry.period <= _RIG] or [r for r, _m in rows]
     linear = {r.entry.name: r.entry.loop for r in fast if isinstance(r.entry.loop, LinearController)}
     if linear:

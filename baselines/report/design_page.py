@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import isfinite
 
+from baselines.compare.tables import LINEAR
 from baselines.lab4_study import Lab4Study, Line, verdict
 from baselines.report import control_plots as plots
 from baselines.report.page import Section, render
@@ -29,6 +30,11 @@ def build_design_page(study: Lab4Study) -> str:
 def cell(value: float, digits: int = 3) -> str:
     """Return a number for a table; a dash where there is none."""
     return f"{value:.{digits}g}" if isfinite(value) else "–"
+
+
+def _mm(value: float) -> str:
+    """Return a length with two decimals [mm], without a minus before zero."""
+    return f"{round(value, 2) + 0.0:.2f}"
 
 
 def _values(study: Lab4Study) -> Section:
@@ -66,15 +72,16 @@ def _loops(study: Lab4Study) -> Section:
         "Loop gains of the sampled loops. lab4 adds feed-forward only, so its loop is that of integral.",
     )
     section.table(
-        ("stage", "stable", "crossover [rad/s]", "GM", "PM [deg]", "delay margin [ms]", "disk margin", "peak |S|",
-         "smallest disturbance rejection [V/mm]"),
+        ("stage", "linear loop", "crossover [rad/s]", "GM linear", "PM linear [deg]", "delay linear [ms]", "disk margin",
+         "peak |S|", "smallest disturbance rejection [V/mm]"),
         [
-            (s.name, "yes" if s.margins.stable else "no", cell(s.margins.crossover), cell(s.margins.gain_margin),
+            (s.name, "stable" if s.margins.stable else "unstable", cell(s.margins.crossover), cell(s.margins.gain_margin),
              cell(s.margins.phase_margin_deg), cell(1e3 * s.margins.delay_margin), cell(s.margins.disk_margin),
              cell(s.margins.sensitivity_peak), cell(s.margins.stiffness))
             for s in study.stages
         ],
     )  # fmt: skip
+    section.text(LINEAR + " What friction adds is on the pages of flexdrive compare, as GM with friction.")
     return section
 
 
@@ -98,8 +105,8 @@ def _responses(study: Lab4Study) -> Section:
         ("stage", "rise [s]", "overshoot [%]", "1 V: peak [mm]", "1 V: final [mm]", "1 V, friction: peak [mm]",
          "final [mm]", *(f"step at ±{v:g} V: rise [s]; overshoot [%]" for v in limits)),
         [
-            (s.name, cell(s.step.rise), cell(s.step.overshoot), cell(s.disturbance.peak), f"{s.disturbance.final:.2f}",
-             cell(s.rig_disturbance.peak), f"{s.rig_disturbance.final:.2f}",
+            (s.name, cell(s.step.rise), cell(s.step.overshoot), cell(s.disturbance.peak), _mm(s.disturbance.final),
+             cell(s.rig_disturbance.peak), _mm(s.rig_disturbance.final),
              *(f"{cell(s.rig_steps[v].rise)}; {cell(s.rig_steps[v].overshoot)}" for v in limits))
             for s in study.stages
         ],

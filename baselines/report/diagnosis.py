@@ -88,10 +88,11 @@ def main_sections(diagnosis: Diagnosis, *, jobs: int | None = None) -> list[Sect
 
 def _subtitle(d: Diagnosis) -> str:
     kept = len(d.split.prove) + len(d.split.loops)
-    return f"{len(d.split.learn) + kept} recordings: {len(d.split.learn)} learnt from, {kept} kept away to prove it on"
+    return f"{len(d.split.learn) + kept} recordings: {len(d.split.learn)} in the estimation set, {kept} held out"
 
 
 def _tiles(d: Diagnosis) -> list[dict[str, str]]:
+    worse = words.worsened(d)
     tiles = [
         {
             "number": f"{_number(d.before_rms)} → {_number(d.after_rms)}" if d.findings else _number(d.before_rms),
@@ -99,14 +100,24 @@ def _tiles(d: Diagnosis) -> list[dict[str, str]]:
         },
         {
             "number": _number(d.floor_rms),
-            "caption": f"floor [{d.unit}]: what does not repeat between periods and replicates",
+            "caption": f"floor [{d.unit}]: what differs between repetitions",
         },
     ]
     if d.own_rms is not None and d.findings:
         tiles.append(
             {
                 "number": " → ".join(map(_number, d.own_rms)),
-                "caption": f"rms error [{d.unit}] there, every run with its own dry friction",
+                "caption": f"rms error [{d.unit}] on them, each run with its own dry friction",
+            }
+        )
+    if worse:
+        first = worse[0]
+        more = f", and {len(worse) - 1} more" if len(worse) > 1 else ""
+        tiles.append(
+            {
+                "number": f"{_number(first.before_rms)} → {_number(first.after_rms)}",
+                "caption": f"rms error [{first.unit}] of {first.recording}, which got worse{more};",
+                "worse": "yes",
             }
         )
     reach = words.within_reach(d)
@@ -115,7 +126,7 @@ def _tiles(d: Diagnosis) -> list[dict[str, str]]:
         tiles.append({"number": f"{reach:.0%}", "caption": "of the squared error above the floor removed"})
     if d.findings:
         worst = max(f.false_alarm_probability for f in d.findings)
-        tiles.append({"number": f"≤ {worst:.2g}", "caption": "probability that chance alone gives such a finding"})
+        tiles.append({"number": f"≤ {worst:.2g}", "caption": "false-alarm probability of each finding"})
     shown = words.telling_prediction(d)
     if shown is not None and d.findings:
         rig = f"; the rig: {shown.measured}" if shown.measured else ""
@@ -137,11 +148,12 @@ def _improvement(f: RecordingFit) -> float:
 
 
 def shown_recording(d: Diagnosis) -> tuple[Recording, RecordingFit]:
-    """Return the recording kept away that the naming improved most; one learnt from where none was kept."""
+    """Return the held-out recording whose improvement is the median; one of the estimation set where none is held out."""
     runs = {r.name: r for r in (*d.split.prove, *d.split.loops, *d.split.learn)}
     fits = [f for f in d.per_recording if f.recording in runs and math.isfinite(f.before_rms + f.after_rms)]
-    best = max([f for f in fits if f.held_out] or fits, key=_improvement)
-    return runs[best.recording], best
+    ranked = sorted([f for f in fits if f.held_out] or fits, key=_improvement)
+    middle = ranked[(len(ranked) - 1) // 2]
+    return runs[middle.recording], middle
 
 
 def _overlay(d: Diagnosis, pool: Crew) -> Section:
@@ -153,16 +165,18 @@ def _overlay(d: Diagnosis, pool: Crew) -> Section:
     run, fit = shown_recording(d)
     drive = d.learnt or d.drive
     before, after = (replays(each, [run], pool)[0] for each in (d.free, drive))
-    kept = "learnt from"
+    kept = "of the estimation set"
     if fit.held_out:
-        kept = "kept away from the fit" if d.learnt else "kept away while the physics was searched for"
+        kept = "held out" if d.learnt else "held out during the search"
     about = f"{run.name}: {run.excitation}, {kept}"
     if not d.findings:
-        section.figure(plot_validation(run, before), f"{about}. Nothing was named: this is the free fit.", dpi=_DPI)
+        section.figure(
+            plot_validation(run, before), f"{about}. No effect was named: this is the best fit without any.", dpi=_DPI
+        )
         return section
     section.figure(
         plot_before_after(run, before, after),
-        f"{about}; of such recordings the one that improved most, where it shows best. Left: free fit without left-out "
+        f"{about}. Of such recordings half improved more and half less. Left: the best fit without left-out "
         f"physics. Right: with the named physics.{shaded(run)}",
         dpi=_DPI,
     )
@@ -211,7 +225,7 @@ def _maps(d: Diagnosis, forces: Remaining) -> Section:
 def _findings(d: Diagnosis) -> Section:
     section = Section("Findings", "findings")
     if not d.findings:
-        section.text("None: no effect of the catalogue explains more than chance could.")
+        section.text("None: no effect of the catalogue is significant.")
         return section
     section.items([f.statement for f in d.findings])
     tied = any(f.ties for f in d.findings)
@@ -236,15 +250,15 @@ def _findings(d: Diagnosis) -> Section:
             "parameters [95 % interval]",
             "explains",
             "false alarm",
-            f"kept away, before → after [{d.findings[0].unit}]",
+            f"held out, before → after [{d.findings[0].unit}]",
             *(("cannot be told from", "to tell them apart, record") if tied else ()),
         ),
         rows,
     )
     section.text(
-        "“Explains” is the share of the squared error that the drive refitted without the finding leaves and the finding "
-        "removes. “False alarm” is the probability that the largest finding anywhere in the catalogue would be as large "
-        "if only run-to-run friction, a rough track and noise were at work."
+        "“Explains”: the drive is refitted without the finding; this share of the squared error that is then left goes when the "
+        "finding is put back. “False alarm”: the probability that the best candidate of the whole catalogue scores as high on a "
+        "rig with none of these effects, only friction that differs between runs, an uneven track and noise."
     )
     return section
 
@@ -252,7 +266,7 @@ def _findings(d: Diagnosis) -> Section:
 def _suggestions(suggestions: Sequence[Suggestion]) -> Section:
     section = Section("Experiments that would tell more", "suggestions")
     if suggestions:
-        section.text("Expected rms difference of the velocities between the explanations, in multiples of the floor.")
+        section.text("Expected rms difference between the velocities of two explanations, in multiples of the floor.")
         names = list(suggestions[0].separation)
         section.table(
             ("input file", *names), [(s.file, *(_number(s.separation[n]) for n in names)) for s in suggestions]
@@ -297,13 +311,13 @@ def _recordings(d: Diagnosis) -> Section:
     rows = [
         (
             f.recording,
-            "kept away" if f.held_out else "",
+            "held out" if f.held_out else "",
             _number(f.before_rms),
             _number(f.after_rms),
             _number(f.floor_rms),
             f.unit,
         )
-        for f in sorted(d.per_recording, key=lambda f: (not f.held_out, f.unit, f.recording))
+        for f in sorted(d.per_recording, key=lambda f: (not f.held_out, f.unit, words.by_number(f.recording)))
     ]
     section.table(("recording", "", "before", "after", "floor", "unit"), rows)
     section.text("Rms error; open-loop runs are replayed, P-control runs are simulated in the loop.")
@@ -345,7 +359,7 @@ def _harmonics(d: Diagnosis) -> Section:
             *(f"{1e3 * a:.1f}" for a in h.amplitude),
             f"{h.even:.0%}",
         )
-        for h in d.harmonics
+        for h in sorted(d.harmonics, key=lambda h: (h.where, h.frequency, words.by_number(h.recording)))
     ]
     section.table(
         ("recording", "missing on", "f [Hz]", "1st [mV]", "2nd", "3rd", "4th", "5th", "even share of power"), rows

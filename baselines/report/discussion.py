@@ -34,6 +34,8 @@ class PControlMeasures:
         Whether the vibration grows.
     saturated
         Share of samples with the command at its limit.
+    simulated
+        Whether the run is a simulation, not a recording of a rig.
     """
 
     name: str
@@ -45,6 +47,7 @@ class PControlMeasures:
     vibration: float
     unstable: bool
     saturated: float
+    simulated: bool = False
 
 
 def measure_p_control(run: Recording) -> PControlMeasures:
@@ -74,11 +77,13 @@ def measure_p_control(run: Recording) -> PControlMeasures:
         max(swing, default=float("nan")),
         grows(run),
         float(np.mean(np.abs(run.u) > 0.999 * limit)),
+        run.source == "simulated",
     )
 
 
 def effect_of_gain(measures: Sequence[PControlMeasures], drive: Drive, limit: StabilityLimit | None) -> list[str]:
     """Answer "What is the effect of changing the P-control gain in non-collocated control?"."""
+    units = drive.units
     runs = sorted((m for m in measures if m.feedback == "x2"), key=lambda m: m.gain)
     if not runs:
         return ["There is no run with feedback from x2 to discuss."]
@@ -87,58 +92,73 @@ def effect_of_gain(measures: Sequence[PControlMeasures], drive: Drive, limit: St
     if len(calm) > 1:
         high = calm[-1]
         answer.append(
-            f"Raising Kp from {low.gain:.4g} to {high.gain:.4g} V/mm stiffens the loop: the error left in the dwells falls "
-            f"from {low.dwell_error:.1f} to {high.dwell_error:.1f} mm, because a P-controller stops moving the carts once "
-            f"Kp·e is below their friction (dT/Kp = {_total_friction(drive) / low.gain:.1f} mm against "
-            f"{_total_friction(drive) / high.gain:.1f} mm)."
+            f"Raising Kp from {units.text(low.gain, 'V/mm')} to {units.text(high.gain, 'V/mm')} stiffens the loop: "
+            "the error left in the dwells falls "
+            f"from {units.text(low.dwell_error, 'mm', 3)} to {units.text(high.dwell_error, 'mm', 3)}, because the "
+            "command Kp·e of a P-controller no "
+            f"longer moves the carts once it is below their friction (dT/Kp = "
+            f"{units.text(_total_friction(drive) / low.gain, 'mm', 3)} against "
+            f"{units.text(_total_friction(drive) / high.gain, 'mm', 3)})."
         )
         answer.append(
-            f"The price is vibration: x2 still swings {high.vibration:.1f} mm peak to peak in the dwells at "
-            f"{high.gain:.4g} V/mm, against {low.vibration:.1f} mm at {low.gain:.4g} V/mm, since the loop feeds the spring's "
+            f"In return the vibration is less damped: x2 still swings {units.text(high.vibration, 'mm', 3)} peak to "
+            "peak in the dwells at "
+            f"{units.text(high.gain, 'V/mm')}, against {units.text(low.vibration, 'mm', 3)} at "
+            f"{units.text(low.gain, 'V/mm')}, since the loop excites the spring's "
             f"resonance (ωn = {drive.linear.omega_n:.1f} rad/s, ζ = {drive.linear.zeta:.2f}) with more than 180° of lag."
         )
     for m in runs:
         if m.unstable:
             touches = f", resting against the command limit {m.saturated:.0%} of the time" if m.saturated > 0.0 else ""
-            answer.append(f"At {m.gain:.4g} V/mm the amplitude grows: |e| reaches {m.error_peak:.0f} mm{touches}.")
+            answer.append(
+                f"At {units.text(m.gain, 'V/mm')} the amplitude grows: |e| reaches {units.text(m.error_peak, 'mm', 3)}{touches}."
+            )
     if limit is not None and limit.critical_gain_linear is not None:
         simulated = limit.critical_gain_simulated
         answer.append(
-            f"The identified drive puts the limit at {limit.critical_gain_linear:.4g} V/mm without friction (Routh) and "
-            + (f"at {simulated:.4g} V/mm with it." if simulated is not None else "finds none with friction.")
+            f"The identified drive puts the limit at {units.text(limit.critical_gain_linear, 'V/mm')} without "
+            "friction (Routh) and "
+            + (f"at {units.text(simulated, 'V/mm')} with it." if simulated is not None else "finds none with friction.")
         )
     return answer
 
 
 def collocation(measures: Sequence[PControlMeasures], drive: Drive) -> list[str]:
     """Answer what collocated control buys and costs against non-collocated control."""
+    units = drive.units
     collocated = [m for m in measures if m.feedback == "x1"]
     if not collocated:
         return ["There is no run with feedback from x1 to discuss."]
     m = max(collocated, key=lambda item: item.gain)
     same = min((o for o in measures if o.feedback == "x2"), key=lambda o: abs(o.gain - m.gain), default=None)
     answer = [
-        f"Advantage: stability. With feedback from x1 at {m.gain:.4g} V/mm the vibration "
-        f"{'grows too' if m.unstable else 'does not grow'} (x2 swings {m.vibration:.1f} mm in the dwells)"
+        f"Advantage: stability. With feedback from x1 at {units.text(m.gain, 'V/mm')} the vibration "
+        f"{'grows too' if m.unstable else 'does not grow'} (x2 swings {units.text(m.vibration, 'mm', 3)} in the dwells)"
         + (
-            f", where feedback from x2 at {same.gain:.4g} V/mm {'was unstable' if same.unstable else 'held'} "
-            f"({same.vibration:.1f} mm)."
+            f", where feedback from x2 at {units.text(same.gain, 'V/mm')} {'was unstable' if same.unstable else 'held'} "
+            f"({units.text(same.vibration, 'mm', 3)})."
             if same is not None
             else "."
         )
-        + " The zeros beside the complex poles give back the phase the spring takes: in linear theory no gain is unstable."
+        + " The zeros beside the complex poles make up for the phase lag of the spring: in linear theory no gain is unstable."
     ]
-    slack = drive["d2"] / drive["k"] if drive["k"] > 0.0 else float("nan")
+    slack = f"±d2/k = ±{units.text(drive['d2'] / drive['k'], 'mm', 3)}" if drive["k"] > 0.0 else "any distance"
+    rest = (
+        f"{units.text(m.dwell_error, 'mm', 3)}"
+        if np.isfinite(m.dwell_error)
+        else "unknown, because the reference never rests"
+    )
     answer.append(
-        f"Disadvantage: accuracy of m2. The loop does not see the spring, so x2 may rest anywhere within "
-        f"±d2/k = ±{slack:.1f} mm of x1 and rings with the bare drive's damping; the measured error of x2 in the dwells is "
-        f"{m.dwell_error:.1f} mm."
+        f"Disadvantage: accuracy of x2. The loop does not measure the spring's deflection, so x2 may rest anywhere within "
+        f"{slack} of x1 and rings with the bare drive's damping; the "
+        f"{'simulated' if m.simulated else 'measured'} error of x2 in the dwells is {rest}."
     )
     return answer
 
 
 def time_domain_observations(validation: Validation, drive: Drive) -> list[str]:
     """State two observations on simulated against measured step responses (3.3)."""
+    units = drive.units
     fits = [
         f
         for overlay in validation.overlays
@@ -151,8 +171,9 @@ def time_domain_observations(validation: Validation, drive: Drive) -> list[str]:
     worst, best = max(fits, key=lambda f: f.rms), min(fits, key=lambda f: f.rms)
     ratio = [f.rms / f.floor for f in fits if np.isfinite(f.floor) and f.floor > 0.0]
     first = (
-        f"The simulation follows {best.channel} best ({best.recording}: rms {best.rms:.1f} mm/s, VAF {best.vaf:.1%}) and "
-        f"{worst.channel} worst ({worst.recording}: {worst.rms:.1f} mm/s, VAF {worst.vaf:.1%})."
+        f"The simulation follows {best.channel} best ({best.recording}: rms {units.text(best.rms, 'mm/s', 3)}, VAF "
+        f"{best.vaf:.1%}) and "
+        f"{worst.channel} worst ({worst.recording}: {units.text(worst.rms, 'mm/s', 3)}, VAF {worst.vaf:.1%})."
     )
     second = (
         f"What remains is {np.median(ratio):.1f} times (median) what differs between one period and the next of the same "

@@ -28,4 +28,9 @@ def add_faults(section: Section, faults: Iterable[Fault]) -> None:
 
 def shaded(recording: Recording) -> str:
     """Return what a figure's caption adds where the recording has faults."""
-    return " Shaded: data faults." if recording.faults else ""
+    kinds = {fault.id == "saturation" for fault in recording.faults}
+    texts = (
+        " Shaded: data faults." if False in kinds else "",
+        " Shaded green: the command at its limit." if True in kinds else "",
+    )
+    return "".join(texts)

@@ -12,6 +12,7 @@ from identification import Identification, Validation, identify, validate
 from identification.frequency_response import FrequencyTable, measure_frequency_response
 from identification.likelihood import MaximumLikelihood, identify_by_likelihood
 from identification.quantities import HANDOUT_RATIOS
+from identification.selection import select
 
 STEPS = 8
 Progress = Callable[[str], None]
@@ -75,7 +76,7 @@ def find(recordings: Sequence[Recording], progress: Progress = lambda _: None) -
     likely = identify(recordings)
     progress("handout's ratios held")
     two = likely.drive.carts == 2
-    tied = identify_by_likelihood(recordings, ties=HANDOUT_RATIOS) if two else None
+    tied = identify_by_likelihood(select(recordings).require(), ties=HANDOUT_RATIOS) if two else None
     progress("validation")
     validation = validate(likely.drive, recordings)
     by_handout = None if isinstance(handout, str) else validate(handout.drive, recordings)

@@ -86,7 +86,12 @@ def behaviour_section(comparison: Comparison, summaries: Sequence[Summary], foun
         predicted = [cell(value, 3) for value in s.predicted]
         rows.append((s.name, *by_trial, *predicted, *["–"] * (len(amplitudes) - len(predicted))))
     section.table(
-        ("controller", "GM on the rig", "delay on the rig [ms]", *(f"GM by the sweep, {a:g} mm" for a in amplitudes)),
+        (
+            "controller",
+            "GM with friction",
+            "delay with friction [ms]",
+            *(f"GM by the sweep, {a:g} mm" for a in amplitudes),
+        ),
         rows,
     )
     section.text(

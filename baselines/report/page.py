@@ -9,6 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from baselines.report.figure_data import figure_csv, figure_svg, packed
+from baselines.report.glossary import explained
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -23,7 +26,11 @@ _INTERVAL = re.compile(r"\[[^\[\]]*\]")
 
 @dataclass(frozen=True)
 class Block:
-    """A paragraph, heading, list, table, figure, or gallery of figures."""
+    """A paragraph, heading, list, table, figure, or gallery of moving pictures.
+
+    A table with a ``caption`` is folded under it. ``files`` are what a figure is drawn from, as :func:`packed` makes them;
+    ``frames`` the pictures of a moving one.
+    """
 
     kind: str
     text: str = ""
@@ -33,7 +40,8 @@ class Block:
     numeric: tuple[bool, ...] = ()
     png: str = ""
     caption: str = ""
-    mime: str = "image/png"
+    files: tuple[tuple[str, str], ...] = ()
+    frames: tuple[str, ...] = ()
     parts: tuple[Block, ...] = ()
 
 
@@ -58,26 +66,43 @@ class Section:
         """Add a bullet list."""
         self.blocks.append(Block("list", lines=tuple(lines)))
 
-    def table(self, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-        """Add a table."""
+    def table(self, columns: Sequence[str], rows: Sequence[Sequence[str]], *, folded: str = "") -> None:
+        """Add a table; with ``folded``, closed under these words."""
         # an interval stays on one line
         cells = tuple(tuple(_INTERVAL.sub(lambda m: m[0].replace(" ", "\u00a0"), cell) for cell in row) for row in rows)
         numeric = tuple(all(_NUMBER.match(row[i]) for row in cells) for i in range(len(columns)))
-        self.blocks.append(Block("table", columns=tuple(columns), rows=cells, numeric=numeric))
+        self.blocks.append(Block("table", columns=tuple(columns), rows=cells, numeric=numeric, caption=folded))
 
     def figure(self, figure: Figure, caption: str, *, dpi: float = 110.0) -> None:
-        """Add a figure; it is rendered at once, so that its memory can be freed."""
+        """Add a figure with its lines as CSV and itself as SVG; it is rendered at once, so that its memory can be freed."""
         stream = io.BytesIO()
         figure.savefig(stream, format="png", dpi=dpi)
-        self.blocks.append(Block("figure", png=base64.b64encode(stream.getvalue()).decode(), caption=caption))
+        png = base64.b64encode(stream.getvalue()).decode()
+        files = (("csv", packed(figure_csv(figure))), ("svg", packed(figure_svg(figure))))
+        self.blocks.append(Block("figure", png=png, caption=caption, files=files))
 
     def gallery(self, gifs: Sequence[tuple[bytes, str]]) -> None:
-        """Add moving pictures with their captions, side by side where there is room."""
-        parts = tuple(
-            Block("figure", png=base64.b64encode(data).decode(), caption=caption, mime="image/gif")
-            for data, caption in gifs
-        )
-        self.blocks.append(Block("gallery", parts=parts))
+        """Add moving pictures with their captions, side by side where there is room; a reader may stop and step through them."""
+        parts = []
+        for data, caption in gifs:
+            frames = gif_frames(data)
+            # without a script the last frame shows the whole run
+            parts.append(Block("figure", png=frames[-1], caption=caption, frames=frames))
+        self.blocks.append(Block("gallery", parts=tuple(parts)))
+
+
+def gif_frames(data: bytes) -> tuple[str, ...]:
+    """Return the pictures of a GIF, each whole, as PNG in base64."""
+    from PIL import Image, ImageSequence  # noqa: PLC0415  (comes with matplotlib, which the pages need)
+
+    frames = []
+    with Image.open(io.BytesIO(data)) as gif:
+        for frame in ImageSequence.Iterator(gif):
+            stream = io.BytesIO()
+            # a GIF has few colours, so this loses none
+            frame.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(stream, "PNG", optimize=True)
+            frames.append(base64.b64encode(stream.getvalue()).decode())
+    return tuple(frames)
 
 
 def render(template: str = "report.html.j2", **content: Any) -> str:
@@ -90,4 +115,4 @@ def render(template: str = "report.html.j2", **content: Any) -> str:
         undefined=StrictUndefined,
         trim_blocks=True,
     )
-    return environment.get_template(template).render(**content)
+    return explained(environment.get_template(template).render(**content))

@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from math import pi
 
-from baselines.experiments import stability_experiments
-from baselines.report import discussion
+from baselines.experiments import STABLE_GAIN, stability_experiments
+from baselines.report import discussion, words
 from baselines.report.fault_table import add_faults, shaded
 from baselines.report.findings import Findings
 from baselines.report.page import Section
 from baselines.stability_limit import ObservedLimit, explain
 from flexdrive_gym import Recording
+from flexdrive_gym.units import Units
 from identification import Identification, Validation
 from identification.quantities import HANDOUT_RATIOS, Quantity
 from identification.recordings.faults import gathered
@@ -19,24 +20,29 @@ from identification.step_response import HandoutResult
 from identification.validation import Overlay
 
 
-def measured_limit(observed: ObservedLimit) -> str:
+def measured_limit(observed: ObservedLimit, units: Units) -> str:
     """Say what the recorded runs tell of the limit; empty if nothing."""
     if observed.holds is None and observed.grows is None:
         return ""
-    if observed.grows is None:
-        return f" On the rig {observed.holds:.4g} V/mm held, and no larger gain was tried."
-    if observed.holds is None:
-        return f" On the rig {observed.grows:.4g} V/mm was unstable, and no smaller gain was tried."
-    return f" On the rig {observed.holds:.4g} V/mm held and {observed.grows:.4g} V/mm grew."
+    if observed.grows is None and observed.holds is not None:
+        return f" On the rig {units.text(observed.holds, 'V/mm')} held, and no larger gain was tried."
+    if observed.holds is None and observed.grows is not None:
+        return f" On the rig {units.text(observed.grows, 'V/mm')} was unstable, and no smaller gain was tried."
+    assert observed.holds is not None
+    assert observed.grows is not None
+    return f" On the rig {units.text(observed.holds, 'V/mm')} held and {units.text(observed.grows, 'V/mm')} grew."
 
 
 def faults(found: Findings) -> Section:
     """List the data faults."""
     section = Section("Sensor faults", "faults")
+    section.folded = True
     shown = gathered([f for r in found.recordings for f in r.faults])
     if shown:
+        section.title = f"Sensor faults: {len(shown)} in {len({f.recording for f in shown})} recordings"
         section.text(
-            "These samples are data faults, not physics: they are shaded in the plots and left out of every fit."
+            "These samples are data faults, not physics: they are shaded in the plots and left out of every fit. (The command at "
+            "its limit is listed and shaded too, and kept.)"
         )
         add_faults(section, shown)
     else:
@@ -69,27 +75,32 @@ def p_control_section(found: Findings) -> Section:
             for r in stability_experiments(drive).values()
             if not any(_same_run(r, q) for q in runs)
         ]
+    units = drive.units
     order = sorted(runs, key=lambda r: (r.excitation.feedback == "x1", r.excitation.gain or 0.0))
     measures = [discussion.measure_p_control(r) for r in order]
+    section.heading("What is the effect of changing the P-control gain in non-collocated control?")
+    section.items(discussion.effect_of_gain(measures, drive, found.limits.get("x2")))
+    section.heading("What are the advantages and disadvantages of collocated control?")
+    section.items(discussion.collocation(measures, drive))
+    section.heading("The runs")
+    section.table(
+        [units.name(name) for name in (
+            "run", "feedback", "Kp [V/mm]", "rms e [mm]", "peak |e| [mm]", "|e| in dwells [mm]", "x2 swing in dwells [mm]",
+            "grows",
+        )],
+        [
+            (m.name, m.feedback, f"{m.gain / units.one('V/mm'):.4g}", *(f"{x / units.one('mm'):.3g}" for x in (
+                m.error_rms, m.error_peak, m.dwell_error, m.vibration)), "yes" if m.unstable else "no")
+            for m in measures
+        ],
+    )  # fmt: skip
     for r, m in zip(order, measures, strict=True):
         kind = "collocated" if m.feedback == "x1" else "non-collocated"
         state = "unstable" if m.unstable else "stable"
         section.figure(
             plot_recording(r),
-            f"{r.name}: {kind} P-control, Kp = {m.gain:.4g} V/mm, {state}.{shaded(r)}",
+            f"{r.name}: {kind} P-control, Kp = {units.text(m.gain, 'V/mm')}, {state}.{shaded(r)}",
         )
-    section.table(
-        ("run", "feedback", "Kp [V/mm]", "rms e [mm]", "peak |e| [mm]", "|e| in dwells [mm]", "x2 swing in dwells [mm]", "grows"),
-        [
-            (m.name, m.feedback, f"{m.gain:.4g}", f"{m.error_rms:.2f}", f"{m.error_peak:.1f}", f"{m.dwell_error:.2f}",
-             f"{m.vibration:.2f}", "yes" if m.unstable else "no")
-            for m in measures
-        ],
-    )  # fmt: skip
-    section.heading("What is the effect of changing the P-control gain in non-collocated control?")
-    section.items(discussion.effect_of_gain(measures, drive, found.limits.get("x2")))
-    section.heading("What are the advantages and disadvantages of collocated control?")
-    section.items(discussion.collocation(measures, drive))
     return section
 
 
@@ -103,6 +114,7 @@ def step_responses(found: Findings) -> Section:
     from identification.plots import plot_recording  # noqa: PLC0415
 
     section = Section("Velocity step responses (2.5)", "steps")
+    units = found.likely.drive.units
     squares = [r for r in found.recordings if r.excitation.kind == "square"]
     shown: dict[float, Recording] = {}
     for r in squares:
@@ -113,7 +125,7 @@ def step_responses(found: Findings) -> Section:
         same = sum(round(q.excitation.amplitude, 2) == amplitude for q in squares)
         section.figure(
             plot_recording(r),
-            f"{r.name}: square of ±{amplitude:g} V, {r.excitation.frequency:g} Hz"
+            f"{r.name}: square of ±{units.text(amplitude, 'V')}, {r.excitation.frequency:g} Hz"
             + (f" (one of {same} replicates)" if same > 1 else ""),
         )
     return section
@@ -162,15 +174,24 @@ def _quantity_rows(found: Findings) -> list[tuple[str, ...]]:
     return rows
 
 
-def identification(found: Findings) -> Section:
-    """Show the quantities (3.2) and how each was found."""
-    from identification import plots  # noqa: PLC0415
-
-    section = Section("Identification (3.2)", "identification")
+def values(found: Findings) -> Section:
+    """Show the quantities of 3.5 by every method."""
+    section = Section("Identified values", "values")
     section.table(
         ("quantity", "unit", "handout 3.2", "ML, handout's ratios", "ML, free", "95 % interval (free)"),
         _quantity_rows(found),
     )
+    section.text(
+        "ML: maximum likelihood from all open-loop recordings, with α, β, γ held at the handout's values or estimated too."
+    )
+    return section
+
+
+def identification(found: Findings) -> Section:
+    """Show how each quantity was found (3.2)."""
+    from identification import plots  # noqa: PLC0415
+
+    section, units = Section("Identification (3.2)", "identification"), found.likely.drive.units
     if isinstance(found.handout, str):
         section.text(f"The handout's method cannot be applied: {found.handout}")
     else:
@@ -191,12 +212,19 @@ def identification(found: Findings) -> Section:
     fit = found.fit
     section.heading("Maximum likelihood: all open-loop recordings jointly")
     section.text(
-        f"Output error on v1 and v2 with exact stick–slip friction: rms {fit.rms:.2f} mm/s over {fit.samples} samples. "
-        f"The residuals are coloured, so these are worth {fit.effective_samples:.0f} independent ones; the intervals say so."
+        f"Output error on v1 and v2 with exact stick–slip friction: rms {units.text(fit.rms, 'mm/s', 3)} over {fit.samples} "
+        "samples. "
+        f"Successive residuals are correlated, so these tell as much as {fit.effective_samples:.0f} independent ones; the "
+        "intervals take account of it."
     )
-    section.items(
-        [f"start “{name}”: negative log-likelihood {cost:.0f}" for name, cost in fit.starts.items()] + list(fit.notes)
+    # the last search alone saw all recordings, so its likelihood cannot be compared with the others'
+    begun = {name: cost for name, cost in fit.starts.items() if not name.endswith(", refined")}
+    best = min(begun, key=lambda name: begun[name])
+    section.text(
+        f"The likelihood may have several minima. {len(begun)} searches therefore began from as many starting points, on a part "
+        f"of the recordings; the best of them, from “{best}”, was continued on all recordings and gives the values above."
     )
+    section.items(list(fit.notes))
     return section
 
 
@@ -204,40 +232,51 @@ def time_domain(found: Findings) -> Section:
     """Overlay simulation and recording (3.3)."""
     from identification.plots import plot_validation  # noqa: PLC0415
 
-    section = Section("Validation in time (3.3)", "time")
+    section, units = Section("Validation in time (3.3)", "time"), found.likely.drive.units
     if found.handout_validation is not None:
         section.heading("The handout's values")
         for overlay in _one_per_amplitude(found.handout_validation):
             section.figure(plot_validation(overlay.measured, overlay.simulated), _overlay_caption(overlay))
         section.text(
-            f"Over all velocities the handout's values leave {found.handout_validation.rms:.1f} mm/s rms; the maximum "
-            f"likelihood fit leaves {found.validation.rms:.1f} mm/s. If the time constant looks wrong, "
+            f"Over all velocities the handout's values leave {units.text(found.handout_validation.rms, 'mm/s', 3)} "
+            "rms; the maximum "
+            f"likelihood fit leaves {units.text(found.validation.rms, 'mm/s', 3)}. If the time constant looks wrong, "
             "“flexdrive identify --method handout --p VALUE” recomputes everything for another real pole."
         )
         section.heading("Maximum likelihood")
     for overlay in _one_per_amplitude(found.validation):
         section.figure(plot_validation(overlay.measured, overlay.simulated), _overlay_caption(overlay))
     section.items(discussion.time_domain_observations(found.validation, found.likely.drive))
-    section.heading("Fit of every recording")
+    fits = sorted(found.validation.fits(), key=lambda f: (words.by_number(f.recording), f.channel))
     section.table(
         ("recording", "channel", "rms", "floor", "unit", "NRMSE fit", "VAF", "autocorrelated", "input correlation"),
         [
             (f.recording, f.channel, _cell(f.rms), _cell(f.floor), f.unit, _cell(f.nrmse, "%"), _cell(f.vaf, "%"),
              _cell(f.correlated, "%"), _cell(f.input_correlation))
-            for f in found.validation.fits()
+            for f in fits
         ],
+        folded=f"Fit of every recording: {len(fits)} rows",
     )  # fmt: skip
     section.text(
-        "Floor: what does not repeat between periods or replicates. Autocorrelated: share of lags outside the 99 % band of "
-        "white noise. Input correlation: above 1, the command's past still explains part of the residual."
+        "In the table, autocorrelated is the share of lags at which the residual's autocorrelation leaves the 99 % band of white "
+        "noise. An input correlation above 1 says that the command's past still explains part of the residual."
     )
-    p_runs = [o for o in found.validation.overlays if o.measured.closed_loop and o.fits]
+    p_runs = [o for o in found.validation.overlays if o.how == "in the loop" and o.fits]
     if p_runs:
         section.heading("P-control predicted in the loop")
         for overlay in p_runs:
             section.figure(
                 plot_validation(overlay.measured, overlay.simulated),
                 f"{overlay.measured.name}: the identified drive in the same loop; no fit to this recording.",
+            )
+    windows = [o for o in found.validation.overlays if o.how.startswith("windows") and o.fits]
+    if windows:
+        section.heading("Closed loops of an unknown controller")
+        for overlay in windows:
+            section.figure(
+                plot_validation(overlay.measured, overlay.simulated),
+                f"{overlay.measured.name}: the identified drive under the recorded command, over {overlay.how}, each begun in "
+                "the measured state.",
             )
     return section
 
@@ -252,7 +291,8 @@ def _one_per_amplitude(validation: Validation) -> list[Overlay]:
 
 
 def _overlay_caption(overlay: Overlay) -> str:
-    fits = "; ".join(f"{f.channel} rms {f.rms:.1f} mm/s, VAF {f.vaf:.1%}" for f in overlay.fits)
+    units = overlay.measured.units
+    fits = "; ".join(f"{f.channel} rms {units.text(f.rms, 'mm/s', 3)}, VAF {f.vaf:.1%}" for f in overlay.fits)
     return f"{overlay.measured.name}: measured and simulated. {fits}."
 
 
@@ -266,7 +306,7 @@ def frequency_domain(found: Findings) -> Section:
     """Show the measured frequency response (3.4)."""
     from identification.plots import plot_bode  # noqa: PLC0415
 
-    section = Section("Validation in frequency (3.4)", "frequency")
+    section, units = Section("Validation in frequency (3.4)", "frequency"), found.likely.drive.units
     if found.table is None:
         section.text("No sine was recorded.")
         return section
@@ -281,7 +321,8 @@ def frequency_domain(found: Findings) -> Section:
     for cart, figure in enumerate(plot_bode(drive.linear, found.table, drive, amplitude), start=1):
         section.figure(
             figure,
-            f"s·G{cart}: linear model (solid), with Coulomb friction's describing function at ±{amplitude:g} V (dashed), and "
+            f"s·G{cart}: linear model (solid), with Coulomb friction's describing function at "
+            f"±{units.text(amplitude, 'V')} (dashed), and "
             "measured points.",
         )
         section.items(discussion.frequency_domain_observations(found.table, drive, cart))
@@ -299,11 +340,16 @@ def stability(found: Findings) -> Section:
         "Pole-zero maps (Figure 3): (a) collocated G1, (b) non-collocated G2, identified drive.",
     )
 
+    units, one = drive.units, drive.units.one("V/mm")
+
     def cell(value: float | None) -> str:
-        return "none below 10" if value is None else f"{value:.4g}"
+        return f"none below {10.0 / one:.3g}" if value is None else f"{value / one:.4g}"
 
     section.table(
-        ("feedback", "critical gain, Routh [V/mm]", "simulated with friction [V/mm]", "phase margin at 0.05 V/mm [deg]"),
+        (
+            "feedback", units.name("critical gain, Routh [V/mm]"), units.name("simulated with friction [V/mm]"),
+            f"phase margin at {units.text(STABLE_GAIN, 'V/mm')} [deg]",
+        ),
         [
             (name, cell(v.critical_gain_linear), cell(v.critical_gain_simulated),
              "–" if v.phase_margin_deg is None else f"{v.phase_margin_deg:.1f}")
@@ -311,5 +357,5 @@ def stability(found: Findings) -> Section:
         ],
     )  # fmt: skip
     if "x2" in found.limits:
-        section.text(explain(drive, found.limits["x2"]) + measured_limit(found.observed))
+        section.text(explain(drive, found.limits["x2"]) + measured_limit(found.observed, drive.units))
     return section

@@ -7,7 +7,9 @@ from collections.abc import Mapping
 from baselines.report import control_plots as plots
 from baselines.report.discussion import measure_p_control
 from baselines.report.page import Section, render
+from baselines.stability_limit import LARGEST_GAIN
 from baselines.stability_study import StabilityStudy
+from baselines.uncertainty import interval_in_words, reasons
 from flexdrive_gym import Recording, __version__
 from identification.plots import plot_pole_zero, plot_recording
 
@@ -22,11 +24,13 @@ _TITLES = {
 def build_stability_page(study: StabilityStudy) -> str:
     """Return the page as HTML: limits, root loci, pole-zero maps, the four runs with and without friction."""
     sections = [_limits(study)]
+    if any(p.draws for p in study.predicted.values()):
+        sections.append(_intervals(study))
     if study.drive.carts == 2:
         sections += [_theory(study), _amplitude(study)]
-    sections.append(_runs(study.runs, "Experiments 2.1–2.4", "runs"))
+    sections.append(_runs(study, study.runs, "Experiments 2.1–2.4, simulated", "runs"))
     if study.runs_without_friction:
-        sections.append(_runs(study.runs_without_friction, "The same without Coulomb friction", "smooth"))
+        sections.append(_runs(study, study.runs_without_friction, "The same without Coulomb friction", "smooth"))
     return render(
         title=f"Stability limit of {study.drive.name}",
         subtitle="P-control from x1 and from x2, handout 2.1–2.4",
@@ -36,28 +40,56 @@ def build_stability_page(study: StabilityStudy) -> str:
     )
 
 
-def _cell(value: float | None) -> str:
-    return "none below 10" if value is None else f"{value:.4g}"
+def _cell(value: float | None, one: float = 1.0) -> str:
+    return "no limit" if value is None else f"{value / one:.4g}"
 
 
 def _limits(study: StabilityStudy) -> Section:
-    section = Section("Limits", "limits")
+    section, units, one = Section("Limits", "limits"), study.drive.units, study.drive.units.one("V/mm")
     rows = [
         (name, _cell(v.critical_gain_linear), _cell(v.critical_gain_margin), _cell(v.critical_gain_simulated),
          "–" if v.vibration is None else f"{v.vibration:.3g}", "–" if v.phase_margin_deg is None else f"{v.phase_margin_deg:.1f}")
-        for name, v in study.limits.items()
+        for name, v in ((name, limit.of_rig(units)) for name, limit in study.limits.items())
     ]  # fmt: skip
     at = next(iter(study.limits.values())).at_gain
     section.table(
-        ("feedback", "Routh [V/mm]", "gain margin [V/mm]", "simulated, one move [V/mm]", "vibration [rad/s]",
-         f"PM at {at:g} V/mm [deg]"),
+        ("feedback", units.name("critical gain by Routh, linear [V/mm]"), units.name("by the gain margin, linear [V/mm]"),
+         units.name("simulated with friction, one move [V/mm]"), "vibration, linear [rad/s]",
+         f"PM linear at {units.text(at, 'V/mm')} [deg]"),
         rows,
     )  # fmt: skip
+    section.text(
+        f"No limit: none below {units.text(LARGEST_GAIN, 'V/mm')}. Linear: of the continuous loop without friction; the gain "
+        f"margin at a gain of 1 {units.name('V/mm')} is the critical gain. Simulated with friction, counts and limit: the least "
+        f"gain at which x2 swings more than {units.text(25.0, 'mm')} in the last six of twelve seconds after one move."
+    )
     if study.drive.carts == 2:
         section.table(
-            ("as a student finds it, from x2", "critical gain [V/mm]"),
-            [("with friction", _cell(study.student)), ("without friction", _cell(study.student_without_friction))],
+            ("as a student finds it, from x2, simulated", units.name("critical gain [V/mm]")),
+            [
+                ("with friction", _cell(study.student, one)),
+                ("without friction", _cell(study.student_without_friction, one)),
+            ],
         )
+    return section
+
+
+def _intervals(study: StabilityStudy) -> Section:
+    section = Section("What another run of this rig may do", "intervals")
+    drawn = [p for p in study.predicted.values() if p.draws]
+    section.text(
+        f"Every figure was computed on {drawn[0].draws} drives drawn from the covariance over recordings and from the "
+        "friction that differs between runs. The interval holds 95 % of them."
+    )
+    section.table(
+        ("figure", "of the drive", "median", "95 % interval", "unit", "extrapolated"),
+        [
+            (p.name, _cell(p.value), _cell(p.median), interval_in_words(p), p.unit, "yes" if p.extrapolated else "no")
+            for p in (p.of_rig(study.drive.units) for p in drawn)
+        ],
+    )
+    for sentence in reasons(drawn):
+        section.text(sentence)
     return section
 
 
@@ -75,10 +107,11 @@ def _theory(study: StabilityStudy) -> Section:
 
 
 def _amplitude(study: StabilityStudy) -> Section:
-    section = Section("Why friction raises the limit", "amplitude")
+    section, units = Section("Why friction raises the limit", "amplitude"), study.drive.units
+    one = units.one("V/mm")
     routh = study.limits["x2"].critical_gain_linear
     if routh is None or not study.curve:
-        section.text("The linear loop has no limit below 10 V/mm.")
+        section.text(f"The linear loop has no limit below {study.drive.units.text(LARGEST_GAIN, 'V/mm')}.")
         return section
     section.text(
         "Dry friction takes the same force from a small vibration as from a large one, so it damps "
@@ -93,26 +126,46 @@ def _amplitude(study: StabilityStudy) -> Section:
         "Gain at which a vibration of x2 keeps its size: harmonic balance and trials on the simulated drive.",
     )
     section.table(
-        ("amplitude [mm]", "frequency [rad/s]", "harmonic balance [V/mm]", "simulated [V/mm]"),
-        [(f"{s.amplitude:.3g}", f"{s.omega:.4g}", f"{s.factor:.4g}", f"{kp:.4g}") for s, kp in study.tried],
+        [
+            units.name(name)
+            for name in (
+                "amplitude [mm]",
+                "frequency [rad/s]",
+                "harmonic balance [V/mm]",
+                "simulated [V/mm]",
+            )
+        ],
+        [
+            (f"{s.amplitude / units.one('mm'):.3g}", f"{s.omega:.4g}", f"{s.factor / one:.4g}", f"{kp / one:.4g}")
+            for s, kp in study.tried
+        ],
     )
     return section
 
 
-def _runs(runs: Mapping[str, Recording], title: str, anchor: str) -> Section:
-    section = Section(title, anchor)
+def _linearly(study: StabilityStudy, feedback: str, gain: float) -> str:
+    limit = study.limits[feedback].critical_gain_linear if feedback in study.limits else None
+    return "stable" if limit is None or gain < limit else "unstable"
+
+
+def _runs(study: StabilityStudy, runs: Mapping[str, Recording], title: str, anchor: str) -> Section:
+    section, units = Section(title, anchor), study.drive.units
     rows = []
     for number, run in runs.items():
         if run.x2 is not None:
             m = measure_p_control(run)
             rows.append(
-                (number, _TITLES[number], m.feedback, f"{m.gain:.4g}", f"{m.error_rms:.2f}", f"{m.error_peak:.1f}",
-                 f"{m.dwell_error:.2f}", f"{m.vibration:.2f}", "yes" if m.unstable else "no")
+                (number, _TITLES[number], m.feedback, f"{m.gain / units.one('V/mm'):.4g}",
+                 *(f"{x / units.one('mm'):.3g}" for x in (m.error_rms, m.error_peak, m.dwell_error, m.vibration)),
+                 _linearly(study, m.feedback, m.gain),
+                 "yes" if m.unstable else "no")
             )  # fmt: skip
     if rows:
         section.table(
-            ("section", "case", "feedback", "Kp [V/mm]", "rms e [mm]", "peak |e| [mm]", "|e| in dwells [mm]",
-             "x2 swing in dwells [mm]", "grows"),
+            [units.name(name) for name in (
+                "section", "case", "feedback", "Kp [V/mm]", "rms e [mm]", "peak |e| [mm]", "|e| in dwells [mm]",
+                "x2 swing in dwells [mm]", "linear loop", "simulated: grows",
+            )],
             rows,
         )  # fmt: skip
     for number, run in runs.items():

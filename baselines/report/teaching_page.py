@@ -6,12 +6,16 @@ from math import isfinite
 
 from baselines.compare import Comparison
 from baselines.compare.lesson import Demonstration, Lesson, lesson
+from baselines.compare.tables import LINEAR, WITH_FRICTION, doing
 from baselines.report import learnt_plots as plots
 from baselines.report.animation import animated
 from baselines.report.design_page import cell
 from baselines.report.discussion import collocation, effect_of_gain, measure_p_control
 from baselines.report.page import Section, render
 from flexdrive_gym import __version__
+
+# a swing in the dwells that the table tells beside what the loop does in the end
+LEAST_TOLD_MM = 1.0
 
 
 def build_teaching_page(comparison: Comparison) -> str:
@@ -25,8 +29,8 @@ def build_teaching_page(comparison: Comparison) -> str:
     found = lesson(comparison)
     return render(
         title="What does the gain do in non-collocated control? What does collocated control buy and cost?",
-        subtitle=f"The questions of Lab 3, answered on “{found.drive.name}”: every figure below comes from runs on this drive, "
-        "with its friction, encoder counts and command limit, along the handout's trajectory.",
+        subtitle=f"The questions of Lab 3, answered on “{found.drive.name}”: every figure below is simulated on this drive, with "
+        "its friction, encoder counts and command limit, along the handout's trajectory.",
         summary=_short(found),
         sections=[_answers(found), _table(found), _pictures(found), _responses(found), _beyond(found)],
         footer=f"Made by flexdrive {__version__}: flexdrive compare.",
@@ -45,10 +49,10 @@ def _short(found: Lesson) -> list[str]:
             + ("; a little more and it grows." if beyond and not beyond.measures.stable else ".")
         )
     if collocated:
-        word = "stays stable" if collocated.measures.stable else "does not stay stable"
+        word = "does not grow" if collocated.measures.stable else "grows"
         said.append(
-            f"The same gain from x1 {word}, and leaves x2 {collocated.parts.offset:.2g} mm from where it should be: the loop "
-            "does not look at it."
+            f"The same gain from x1 {word}, and leaves x2 {collocated.parts.offset:.2g} mm from where it should be, as the loop "
+            "does not measure x2."
         )
     best = min(found.shown, key=lambda d: d.measures.rms if d.measures.stable else float("inf"))
     said.append(f"Of all shown here {best.name} tracks best: {best.measures.rms:.2f} mm rms.")
@@ -73,21 +77,43 @@ def _table(found: Lesson) -> Section:
         ("law", *(d.law for d in found.shown)),
         ("reads", *(d.reads for d in found.shown)),
         ("acts every [ms]", *(f"{1e3 * d.period:g}" for d in found.shown)),
-        ("stable", *("yes" if d.measures.stable else "no" for d in found.shown)),
+        ("linear loop", *(_linear(d) for d in found.shown)),
+        ("simulated with friction", *(_does(d) for d in found.shown)),
         ("rms of xr - x2 [mm]", *(f"{d.measures.rms:.2f}" for d in found.shown)),
         ("peak [mm]", *(f"{d.measures.peak:.1f}" for d in found.shown)),
         ("left at the end of the dwells [mm]", *(f"{d.parts.offset:.2f}" for d in found.shown)),
         ("swing of x2 in the dwells [mm]", *(f"{d.vibration:.2f}" for d in found.shown)),
         ("rms of u [V]", *(f"{d.measures.effort:.2f}" for d in found.shown)),
-        ("gain may be raised by", *(_gain(d) for d in found.shown)),
-        ("command may be late by [ms]", *(_delay(d) for d in found.shown)),
+        ("GM linear", *(cell(d.margins.gain_margin) if d.margins else "–" for d in found.shown)),
+        ("delay linear [ms]", *(cell(1e3 * d.margins.delay_margin) if d.margins else "–" for d in found.shown)),
+        ("GM with friction", *(_gain(d) for d in found.shown)),
+        ("delay with friction [ms]", *(_delay(d) for d in found.shown)),
     ]
     section.table(("", *(d.name for d in found.shown)), rows)
     section.text(
-        "The last two lines are found by trial on the drive with friction, counts and limit: after one move the response may not "
-        "swing more than 25 mm, nor the command rest against its limits. A dash: it fails as it is."
+        LINEAR
+        + " design.html has the same figures. A dash: there is no limit, the loop is unstable, or it is not linear."
+    )
+    section.text(WITH_FRICTION + " A dash: it fails as it is.")
+    section.text(
+        "A limit cycle is what is left of the vibration in the last six of twelve seconds after one move, peak to peak, of the "
+        "cart that swings most; the swing in the dwells is along the handout's trajectory, which moves again every second."
     )
     return section
+
+
+def _linear(d: Demonstration) -> str:
+    if d.margins is None:
+        return "not linear"
+    return "stable" if d.margins.stable else "unstable"
+
+
+def _does(d: Demonstration) -> str:
+    """Say what the simulated loop does; a swing along the trajectory is told even where it dies out after a single move."""
+    said = doing(d.measures.stable, d.swing)
+    if said == "grows" or d.vibration < LEAST_TOLD_MM:
+        return said
+    return f"swings {d.vibration:.2g} mm in the dwells; after one move {said}"
 
 
 def _gain(d: Demonstration) -> str:
@@ -137,7 +163,8 @@ def _beyond(found: Lesson) -> Section:
     if lab4 and stable:
         best = min(stable, key=lambda d: d.measures.rms)
         section.text(
-            f"Lab 4 reads x2 as well, so it sees what matters, and shapes the loop so that the spring does not set its limit: "
+            f"Lab 4 reads x2 as well, so it controls what is to be positioned, and its notch keeps the spring from "
+            "limiting the gain: "
             f"{lab4.measures.rms:.2f} mm rms, against {best.measures.rms:.2f} mm of the best P(x2) here that does not grow"
             + (f" and {collocated.measures.rms:.2f} mm of P(x1)." if collocated else ".")
         )

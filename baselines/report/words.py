@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
 
 from flexdrive_gym.drive.effects import EFFECTS
-from identification.mismatch.verdict import Diagnosis, Finding, Prediction
+from identification.mismatch.verdict import Diagnosis, Finding, Prediction, RecordingFit
 from identification.quantities import HANDOUT_RATIOS
 
 _GREEK = {"alpha": "α = m2/m1", "beta": "β = b2/b1", "gamma": "γ = d2/d1"}
+# an error that rises by less is within what differs between runs
+_WORSE = 1.05
 _PROPER = {"stribeck": "Stribeck effect"}
 
 
@@ -21,6 +24,12 @@ def effect_name(id_: str) -> str:
 def at(id_: str, where: str) -> str:
     """Return "effect at place"."""
     return f"{effect_name(id_)} at {where.replace('_', ' ')}"
+
+
+def by_number(name: str) -> list[tuple[float, str]]:
+    """Return a key that sorts names by the numbers in them: 2.5 Hz before 12 Hz."""
+    pieces = re.split(r"(\d+(?:\.\d+)?)", name)
+    return [(float(p), "") if i % 2 else (-1.0, p) for i, p in enumerate(pieces)]
 
 
 def listed(items: Iterable[str], last: str = "and") -> str:
@@ -42,8 +51,8 @@ def rms(value: float) -> str:
 def where_proven(d: Diagnosis) -> str:
     """Return on which recordings the figures of merit were taken."""
     if d.split.prove:
-        return "on recordings kept away from the fit"
-    return "on the recordings it was fitted to (too few to keep any away)"
+        return "on held-out recordings"
+    return "on the recordings it was fitted to (too few to hold any out)"
 
 
 def within_reach(d: Diagnosis) -> float:
@@ -56,19 +65,21 @@ def verdict_sentences(d: Diagnosis) -> list[str]:
     """Return the verdict in one to three plain sentences."""
     names = listed(at(f.id, f.where) for f in d.findings) if d.findings else ""
     floor = (
-        f"; what does not repeat, and no model can explain, is {rms(d.floor_rms)}" if math.isfinite(d.floor_rms) else ""
+        f" The floor, what differs between repetitions and so cannot be explained by a model, is {rms(d.floor_rms)} {d.unit}."
+        if math.isfinite(d.floor_rms)
+        else ""
     )
     way = "falls" if d.after_rms < d.before_rms else "rises"
     own = ""
     if d.own_rms is not None:
         own = (
-            f"; with each run's own dry friction, which differs by about {d.friction_spread:.0%}, it goes from "
-            f"{rms(d.own_rms[0])} to {rms(d.own_rms[1])}"
+            f" Dry friction differs by about {d.friction_spread:.0%} between runs; with each run's own friction the error "
+            f"changes from {rms(d.own_rms[0])} to {rms(d.own_rms[1])} {d.unit}."
         )
     change = (
-        f"The error {where_proven(d)} {way} from {rms(d.before_rms)} to {rms(d.after_rms)} {d.unit} rms{own}{floor}."
+        f"The rms error {where_proven(d)} {way} from {rms(d.before_rms)} to {rms(d.after_rms)} {d.unit}.{floor}{own}"
     )
-    leaves = f"The free fit leaves {rms(d.before_rms)} {d.unit} rms {where_proven(d)}{floor}."
+    leaves = f"The fit of the handout's model with free ratios leaves {rms(d.before_rms)} {d.unit} rms {where_proven(d)}.{floor}"
     unnamed = ""
     if d.unnamed is not None:
         unnamed = (
@@ -76,16 +87,42 @@ def verdict_sentences(d: Diagnosis) -> list[str]:
             f"{d.unnamed.where.replace('_', ' ')} that follows {d.unnamed.acts_on}."
         )
     if d.verdict == "no_mismatch":
-        return ["No left-out physics is needed: nothing in the catalogue explains more than chance could.", leaves]
+        return [
+            "No left-out physics is needed: no effect of the catalogue is significant.",
+            leaves,
+            *worse_sentences(d),
+        ]
     if d.verdict == "unexplained":
-        return ["Something is missing that has no name in the catalogue.", *([unnamed] if unnamed else []), leaves]
+        first = "The model lacks something that no effect of the catalogue describes."
+        return [first, *([unnamed] if unnamed else []), leaves, *worse_sentences(d)]
     if d.verdict == "explained":
         more = ""
     elif d.unnamed is not None:
-        more = ", and something more that no name explains"
+        more = ", and something more that no effect of the catalogue describes"
     else:
-        more = ", and the error stays above the floor, without a shape that could be told from chance"
-    return [f"The model left out: {names}{more}.", change, *([unnamed] if unnamed else [])]
+        more = ". The error stays above the floor, but nothing more is significant"
+    return [f"The model left out: {names}{more}.", change, *worse_sentences(d), *([unnamed] if unnamed else [])]
+
+
+def worsened(d: Diagnosis) -> list[RecordingFit]:
+    """Return the recordings, held-out ones where there are, whose error rose by more than 5 % with the named physics."""
+    fits = [f for f in d.per_recording if math.isfinite(f.before_rms + f.after_rms) and f.before_rms > 0.0]
+    asked = [f for f in fits if f.held_out] or fits
+    if not d.findings:
+        return []
+    worse = [f for f in asked if f.after_rms > _WORSE * f.before_rms]
+    return sorted(worse, key=lambda f: f.before_rms / f.after_rms)
+
+
+def worse_sentences(d: Diagnosis) -> list[str]:
+    """Say which recordings the named physics describes worse than the fit without it; empty where none."""
+    worse = worsened(d)
+    if not worse:
+        return []
+    held = [f for f in d.per_recording if f.held_out]
+    kind = "held-out recordings" if held else "recordings"
+    shown = listed(f"{f.recording} ({rms(f.before_rms)} → {rms(f.after_rms)} {f.unit})" for f in worse)
+    return [f"{len(worse)} of {len(held or d.per_recording)} {kind} got worse: {shown}."]
 
 
 def telling_prediction(d: Diagnosis) -> Prediction | None:

@@ -64,11 +64,11 @@ class Agent:
     """
 
     name: str
-    layers: Layers
+    layers: Layers = field(repr=False)
     activation: str
     task: Mapping[str, Any]
     history: int = 1
-    card: Mapping[str, Any] = field(default_factory=dict)
+    card: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         if self.activation not in ACTIVATIONS:

@@ -43,6 +43,7 @@ CHECKPOINT, AGENT, CARD, CURVE, LOG = "checkpoint.pt", "agent.npz", "agent.toml"
 CONTROL_PERIOD_S = 5e-3
 PREVIEW_S = (0.02, 0.05, 0.1)
 EVALUATIONS = 20
+CHECKPOINT_EVERY = 100_000
 # P-control from x2 is unstable beyond the critical gain; half of it is the handout's gain margin of 2
 SHARE_OF_CRITICAL = 0.5
 
@@ -93,6 +94,16 @@ class Trained:
     curve: tuple[tuple[int, float, float], ...]
 
 
+@dataclass(frozen=True)
+class UnderWay:
+    """What an interrupted training was asked for: drive, plan, name of the agent, and steps between checkpoints."""
+
+    drive: Drive
+    plan: Plan
+    name: str
+    checkpoint_every: int
+
+
 def task_arguments(rig: Drive, feedback: Feedback) -> dict[str, Any]:
     """Return what an agent sees and does, complete, so that it does not depend on the drive it later runs on."""
     key = f"velocity_processing.encoder_{SENSINGS[SENSED[feedback]]}.cutoff"
@@ -124,7 +135,7 @@ def train(
     folder: Path,
     *,
     name: str = "agent",
-    checkpoint_every: int = 100_000,
+    checkpoint_every: int = CHECKPOINT_EVERY,
     resume: bool = False,
     tell: Tell = lambda _steps, _error: None,
 ) -> Trained:
@@ -143,7 +154,7 @@ def train(
     checkpoint_every
         Steps between checkpoints.
     resume
-        Go on from the folder's checkpoint.
+        Go on from the folder's checkpoint. The plan may ask for more steps than it did; all else must be the same.
     tell
         Told the steps done and the last error on references kept away [mm].
 
@@ -262,6 +273,8 @@ class _Course(BaseCallback):
             {
                 "plan": json.dumps(asdict(self.plan)),
                 "drive": dumps(self.rig),
+                "name": self.name,
+                "every": self.every,
                 "best": self.best,
                 "curve": self.curve,
                 "seconds": self._elapsed(),
@@ -289,12 +302,37 @@ def _found(path: Path, rig: Drive, plan: Plan, *, resume: bool) -> dict[str, Any
         raise ValueError(f"resume: needs a checkpoint; got none at {path}. Train without --resume.")
     saved = read_checkpoint(path)
     then, now = json.loads(saved["plan"]), asdict(plan)
-    if then != now:
-        differing = ", ".join(f"{k} {then.get(k)}, now {now[k]}" for k in now if then.get(k) != now[k])
-        raise ValueError(f"resume: needs the command of the checkpoint; it had {differing}. Repeat the command.")
+    changed = [k for k in now if then.get(k) != now[k] and k != "steps"]
+    if changed:
+        differing = ", ".join(f"{k} {then.get(k)}, now {now[k]}" for k in changed)
+        raise ValueError(
+            f"resume: goes on with the options of the checkpoint; it had {differing}. Leave them out, or train in another folder."
+        )
+    if plan.steps < saved["steps"]:
+        raise ValueError(
+            f"resume: steps must be at least those done, {saved['steps']}; got {plan.steps}. Ask for more."
+        )
     if dict(loads(saved["drive"]).values) != dict(loads(dumps(rig)).values):
-        raise ValueError("resume: the drive is not the one of the checkpoint. Repeat the command with its drive.toml.")
+        raise ValueError(
+            "resume: the drive is not the one of the checkpoint. Leave it out, or train in another folder."
+        )
     return saved
+
+
+def under_way(folder: Path) -> UnderWay:
+    """Return what the training in a folder was asked for, from its checkpoint.
+
+    Raises
+    ------
+    ValueError
+        If there is no checkpoint.
+    """
+    path = folder / CHECKPOINT
+    if not path.exists():
+        raise ValueError(f"resume: needs a checkpoint; got none at {path}. Train without --resume.")
+    saved = read_checkpoint(path)
+    plan = Plan(**json.loads(saved["plan"]))
+    return UnderWay(loads(saved["drive"]), plan, saved.get("name", "agent"), saved.get("every", CHECKPOINT_EVERY))
 
 
 def _logger(folder: Path) -> Logger:

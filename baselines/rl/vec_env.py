@@ -35,6 +35,7 @@ class FlexDriveVecEnv(VecEnv):
 
     def __init__(self, num_envs: int, *, history: int = 1, **arguments: Any) -> None:
         self.batch = FlexDriveVectorEnv(num_envs, autoreset_mode="same_step", **{"normalise": True, **arguments})
+        self.history = history
         self._actions = np.zeros((num_envs, 1), dtype=np.float32)
         self._returns = np.zeros(num_envs)
         self._lengths = np.zeros(num_envs, dtype=np.int64)
@@ -91,7 +92,7 @@ class FlexDriveVecEnv(VecEnv):
 
     def restore(self, kept: dict[str, np.ndarray]) -> None:
         """Go on where drives of the same arguments were when :meth:`keep` was called."""
-        self.batch.fleet.restore(kept)
+        self.batch.restore(kept)
         self._returns, self._lengths, self._seen = (kept[name].copy() for name in ("returns", "lengths", "seen"))
 
     def close(self) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from math import inf
+from math import inf, isfinite, log
 from types import MappingProxyType
 from typing import Any
 
@@ -16,6 +16,13 @@ from flexdrive_gym.drive import simulate as simulation
 from flexdrive_gym.drive.linear import LinearDrive
 from flexdrive_gym.recording import FloatArray, Recording
 from flexdrive_gym.units import LAB, Units
+
+# far tails are no drives: a factor between runs stays within a third to three, as parameters do
+_FARTHEST = log(3.0)
+
+
+def _upper(name: str) -> float:
+    return parameters.parameter(name).upper
 
 
 @dataclass(frozen=True)
@@ -42,10 +49,44 @@ class Provenance:
 
 @dataclass(frozen=True, eq=False)
 class Covariance:
-    """Joint uncertainty of identified parameters: names and a matrix of shape (n, n) in their units."""
+    """Joint uncertainty of identified parameters.
+
+    Attributes
+    ----------
+    names
+        Of the parameters.
+    matrix : ndarray, shape (n, n)
+        In their units, or of their logarithms where that is said.
+    degrees
+        Degrees of freedom of the estimate of the matrix (recordings beyond parameters); inf for a matrix that is known.
+    """
 
     names: tuple[str, ...]
     matrix: FloatArray
+    degrees: float = inf
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """How far the recordings reach that a drive was identified from; beyond it a prediction extrapolates.
+
+    Attributes
+    ----------
+    u
+        Largest command [V].
+    v
+        Largest speed of a cart [mm/s].
+    deflection
+        Largest deflection of the spring from the middle [mm]; 0 for one cart.
+    slowest, fastest
+        Frequencies that were excited [Hz].
+    """
+
+    u: float
+    v: float
+    deflection: float = 0.0
+    slowest: float = 0.0
+    fastest: float = inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +109,10 @@ class Drive:
         Title for tables and plots.
     units
         The rig's units, for everything that is printed; values here and all signals are the engine's (V, mm, s).
+    run_to_run
+        Covariance of the logarithms of what differs from run to run on the same rig (dry friction).
+    recorded
+        How far the recordings reach that it was identified from.
 
     Raises
     ------
@@ -81,6 +126,8 @@ class Drive:
     provenance: Provenance = field(default_factory=Provenance)
     name: str = "drive"
     units: Units = LAB
+    run_to_run: Covariance | None = None
+    recorded: Recorded | None = None
 
     def __post_init__(self) -> None:
         values = parameters.checked(self.values)
@@ -94,8 +141,8 @@ class Drive:
         return self.values.get(name, parameters.parameter(name).null)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        state = (dict(self.values), dict(self.intervals), self.covariance, self.provenance, self.name, self.units)
-        return Drive, state
+        state = (dict(self.values), dict(self.intervals), self.covariance, self.provenance, self.name)
+        return Drive, (*state, self.units, self.run_to_run, self.recorded)
 
     def __repr__(self) -> str:
         inside = ", ".join(f"{k}={v:.6g}" for k, v in self.values.items())
@@ -121,7 +168,8 @@ class Drive:
 
         Changing a value drops the intervals and the covariance of that value unless they are given too.
         """
-        fields = {k: more.pop(k) for k in ("intervals", "covariance", "provenance", "name", "units") if k in more}
+        own = ("intervals", "covariance", "provenance", "name", "units", "run_to_run", "recorded")
+        fields = {k: more.pop(k) for k in own if k in more}
         changed = {**(changes or {}), **more}
         if changed:
             fields.setdefault("intervals", {k: v for k, v in self.intervals.items() if k not in changed})
@@ -140,7 +188,10 @@ class Drive:
         return parameters.vector(self.values)
 
     def draw(self, rng: np.random.Generator, n: int) -> list[Drive]:
-        """Draw drives from the identified covariance, jointly normal around this one.
+        """Draw drives as this rig may be in another run: from the identified covariance, and from what differs between runs.
+
+        Parameters are jointly normal around this drive, with Student's t for a covariance of finite degrees of freedom; what
+        differs from run to run is a factor of its own on top.
 
         Parameters
         ----------
@@ -168,15 +219,30 @@ class Drive:
         names = self.covariance.names
         values, specs = np.array([self[n] for n in names]), [parameters.parameter(n) for n in names]
         drawn = rng.multivariate_normal(values, self.covariance.matrix, size=n, method="eigh")
-        low = np.maximum([s.lower for s in specs], values / 3.0)
-        high = np.minimum([s.upper for s in specs], 3.0 * values)
-        drawn = np.clip(drawn, low, np.maximum(low, high))
-        return [
-            self.replace(
-                dict(zip(names, map(float, row), strict=True)), intervals={}, name=f"{self.name}, draw {i + 1}"
+        if isfinite(self.covariance.degrees):
+            widened = np.sqrt(self.covariance.degrees / rng.chisquare(self.covariance.degrees, size=n))
+            drawn = values + (drawn - values) * widened[:, None]
+        least, most = np.minimum(values / 3.0, 3.0 * values), np.maximum(values / 3.0, 3.0 * values)
+        low = np.maximum([s.lower for s in specs], least)
+        drawn = np.clip(drawn, low, np.maximum(low, np.minimum([s.upper for s in specs], most)))
+        changes = [dict(zip(names, map(float, row), strict=True)) for row in drawn]
+        for own, factors in zip(changes, self._factors(rng, n), strict=True):
+            own.update(
+                {name: min(factor * own.get(name, self[name]), _upper(name)) for name, factor in factors.items()}
             )
-            for i, row in enumerate(drawn)
+        return [
+            self.replace(own, intervals={}, run_to_run=None, name=f"{self.name}, draw {i + 1}")
+            for i, own in enumerate(changes)
         ]
+
+    def _factors(self, rng: np.random.Generator, n: int) -> list[dict[str, float]]:
+        """Draw the factors that parameters have in each of n runs."""
+        spread = self.run_to_run
+        if spread is None:
+            return [{} for _ in range(n)]
+        logs = rng.multivariate_normal(np.zeros(len(spread.names)), spread.matrix, size=n, method="eigh")
+        factors = np.exp(np.clip(logs, -_FARTHEST, _FARTHEST))
+        return [dict(zip(spread.names, map(float, row), strict=True)) for row in factors]
 
     def simulate(
         self,

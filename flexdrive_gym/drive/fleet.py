@@ -80,6 +80,7 @@ from flexdrive_gym.drive.layout import (
     READ_2,
     REFERENCE,
     REFERENCES,
+    REFUSED,
     RESPONSE,
     RESPONSES,
     ROW,
@@ -227,9 +228,18 @@ def _finish_strip(begin: int, n: int, shared: bool, block: Any, q: Any, state: A
     return ended
 
 
+@inlined
+def _refused(block: Any) -> int:
+    """Return 1 if an action of the block's drives is no finite number, else 0; asked before any drive is advanced."""
+    actions, odd = shifted(floats_at(block[A_ACTIONS]), block[LOW]), 0
+    for i in range(block[HIGH] - block[LOW]):
+        odd += actions[i] - actions[i] != 0.0  # neither infinity nor what is no number leaves 0
+    return min(odd, 1)
+
+
 @kernel
 def step_fleet(address: int, z: Any) -> None:
-    """Advance drives by one control period and observe them.
+    """Advance drives by one control period and observe them; none if an action is no finite number.
 
     Parameters
     ----------
@@ -240,9 +250,11 @@ def step_fleet(address: int, z: Any) -> None:
         Workspaces of the drives where some has effects beyond the base.
     """
     block = integers_at(address)
-    ended = 0
-    for begin in range(block[LOW], block[HIGH], GROUP * LANES):
-        ended += _step_group(begin, min(GROUP * LANES, block[HIGH] - begin), block, pointer(z))
+    # not left early: that would keep the compiler from what it does to the loop
+    refused = _refused(block)
+    ended, high = REFUSED * refused, block[HIGH] - refused * (block[HIGH] - block[LOW])
+    for begin in range(block[LOW], high, GROUP * LANES):
+        ended += _step_group(begin, min(GROUP * LANES, high - begin), block, pointer(z))
     block[ENDED] = ended
 
 
@@ -253,8 +265,12 @@ def step_single(address: int, z: Any) -> None:
     Releasing the interpreter's lock would take a tenth of the step.
     """
     block = integers_at(address)
-    block[ENDED] = _step_group(0, 1, block, pointer(z))
-    _record(block)
+    action = floats_at(block[A_ACTIONS])[0]
+    if action - action == 0.0:
+        block[ENDED] = _step_group(0, 1, block, pointer(z))
+        _record(block)
+    else:
+        block[ENDED] = REFUSED
 
 
 @inlined

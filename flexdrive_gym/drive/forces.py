@@ -24,6 +24,7 @@ from flexdrive_gym.drive.effects import (
     LEVEL_2,
     PUSH_1,
     PUSH_2,
+    RECOIL,
     chain,
 )
 from flexdrive_gym.drive.pack import chosen, raised
@@ -31,6 +32,7 @@ from flexdrive_gym.drive.pack import chosen, raised
 W1, W2 = 0, 1
 LIMIT = LAYOUT["saturation.limit"].index
 _COMMANDS, _READS_1, _READS_2 = FLAG["command", None], FLAG["reading", "encoder_1"], FLAG["reading", "encoder_2"]
+_RECOILS = FLAG["track", None]
 
 _command_base, _command_full = chain("command", base=True), chain("command", base=False)
 _actuator = chain("actuator", base=False)
@@ -43,7 +45,7 @@ _cart_1, _cart_2 = chain("cart", "cart_1", base=False), chain("cart", "cart_2", 
 _friction_1_base, _friction_1_full = chain("friction", "cart_1", base=True), chain("friction", "cart_1", base=False)
 _friction_2_base, _friction_2_full = chain("friction", "cart_2", base=True), chain("friction", "cart_2", base=False)
 _breakaway_1, _breakaway_2 = chain("breakaway", "cart_1", base=False), chain("breakaway", "cart_2", base=False)
-_rates = chain("rates", base=False)
+_track, _rates = chain("track", base=False), chain("rates", base=False)
 _finish_1, _finish_2 = chain("finish", "cart_1", base=False), chain("finish", "cart_2", base=False)
 _finish_actuator = chain("finish", "actuator", base=False)
 _begin_1, _begin_2 = chain("begin", "cart_1", base=False), chain("begin", "cart_2", base=False)
@@ -163,18 +165,42 @@ def hold_2(x: float, s: float, fs: float, t: float, z: Any, r: int, p: Any) -> f
     return _breakaway_2(level, x + z[ANCHOR_2], s, fs, t, z, r, p)
 
 
+@called
+def _recoil(s1: float, s2: float, f1: float, f2: float, z: Any, r: int, p: Any) -> float:
+    """Return the acceleration of the track [mm/s²] for fixed directions of sliding and the forces on the carts [V]."""
+    sticking_2 = 0.0
+    if p[W2] > 0.0:
+        sticking_2 = 1.0 / p[W2]
+    force = chosen(s1 != 0.0, f1, 0.0) + chosen((s2 != 0.0) & (p[W2] > 0.0), f2, 0.0)
+    mass = chosen(s1 != 0.0, 0.0, 1.0 / p[W1]) + chosen(s2 != 0.0, 0.0, sticking_2)
+    return _track(0.0, force, mass, z, r, p)
+
+
+@inlined
+def _direction(v: float) -> float:
+    return chosen(v > 0.0, 1.0, chosen(v < 0.0, -1.0, 0.0))
+
+
 @inlined
 def _margin_1(x1: float, x2: float, v2: float, u: float, t: float, z: Any, r: int, p: Any) -> tuple[float, float]:
     fs = spring_force(x1 - x2, -v2, z, r, p)
     force = force_1(x1, 0.0, 0.0, u, fs, t, z, z, r, p)
+    if z is not None and raised(z, _RECOILS):
+        s2 = _direction(v2)
+        pull = force_2(x2, v2, s2, fs, t, z, z, r, p) - s2 * level_2(x2, v2, s2, fs, t, z, z, r, p)
+        force = force - _recoil(0.0, s2, 0.0, pull, z, r, p) / p[W1]
     s = chosen(force > 0.0, 1.0, -1.0)
     return force * s - hold_1(x1, s, fs, t, z, r, p), s
 
 
 @inlined
-def _margin_2(x1: float, x2: float, v1: float, t: float, z: Any, r: int, p: Any) -> tuple[float, float]:
+def _margin_2(x1: float, x2: float, v1: float, u: float, t: float, z: Any, r: int, p: Any) -> tuple[float, float]:
     fs = spring_force(x1 - x2, v1, z, r, p)
     force = force_2(x2, 0.0, 0.0, fs, t, z, z, r, p)
+    if z is not None and p[W2] > 0.0 and raised(z, _RECOILS):
+        s1 = _direction(v1)
+        push = force_1(x1, v1, s1, u, fs, t, z, z, r, p) - s1 * level_1(x1, v1, s1, fs, t, z, z, r, p)
+        force = force - _recoil(s1, 0.0, push, 0.0, z, r, p) / p[W2]
     s = chosen(force > 0.0, 1.0, -1.0)
     return force * s - hold_2(x2, s, fs, t, z, r, p), s
 
@@ -185,8 +211,8 @@ def _margin_1_full(x1: float, x2: float, v2: float, u: float, t: float, z: Any, 
 
 
 @called
-def _margin_2_full(x1: float, x2: float, v1: float, t: float, z: Any, r: Any, p: Any) -> tuple[float, float]:
-    return _margin_2(x1, x2, v1, t, z, r, p)
+def _margin_2_full(x1: float, x2: float, v1: float, u: float, t: float, z: Any, r: Any, p: Any) -> tuple[float, float]:
+    return _margin_2(x1, x2, v1, u, t, z, r, p)
 
 
 @inlined
@@ -198,11 +224,11 @@ def margin_1(x1: float, x2: float, v2: float, u: float, t: float, z: Any, r: int
 
 
 @inlined
-def margin_2(x1: float, x2: float, v1: float, t: float, z: Any, r: int, p: Any) -> tuple[float, float]:
+def margin_2(x1: float, x2: float, v1: float, u: float, t: float, z: Any, r: int, p: Any) -> tuple[float, float]:
     """Return by how much the force on cart 2 at rest leaves the friction set [V], negative while held, and its sign."""
     if z is None:
-        return _margin_2(x1, x2, v1, t, z, r, p)
-    return _margin_2_full(x1, x2, v1, t, z, row(r), p)
+        return _margin_2(x1, x2, v1, u, t, z, r, p)
+    return _margin_2_full(x1, x2, v1, u, t, z, row(r), p)
 
 
 @inlined
@@ -222,15 +248,25 @@ def accelerations(
 ) -> tuple[float, float]:
     """Return the accelerations [mm/s²] of both carts for fixed directions of sliding."""
     fs = spring_force(x1 - x2, v1 - v2, z, r, p)
-    a1 = p[W1] * (force_1(x1, v1, s1, u, fs, t, z, c, r, p) - s1 * level_1(x1, v1, s1, fs, t, z, c, r, p))
-    a2 = p[W2] * (force_2(x2, v2, s2, fs, t, z, c, r, p) - s2 * level_2(x2, v2, s2, fs, t, z, c, r, p))
+    f1 = force_1(x1, v1, s1, u, fs, t, z, c, r, p) - s1 * level_1(x1, v1, s1, fs, t, z, c, r, p)
+    f2 = force_2(x2, v2, s2, fs, t, z, c, r, p) - s2 * level_2(x2, v2, s2, fs, t, z, c, r, p)
+    a1, a2 = p[W1] * f1, p[W2] * f2
+    if z is not None and raised(z, _RECOILS):
+        a = _recoil(s1, s2, f1, f2, z, r, p)
+        z[RECOIL] = a
+        a1 = a1 - a
+        if p[W2] > 0.0:
+            a2 = a2 - a
     return chosen(s1 != 0.0, a1, 0.0), chosen(s2 != 0.0, a2, 0.0)
 
 
 @called
 def rates(w: int, x1: float, v1: float, x2: float, v2: float, u: float, t: float, z: Any, r: int, p: Any) -> None:
-    """Write the rates of the additional states of the row that begins at r, w entries further on."""
-    _rates(w, x1, v1, x2, v2, amplified(u, t, z, r, p), t, z, r, p)
+    """Write the rates of the additional states of the row that begins at r, w entries further on.
+
+    The acceleration of the track is that of the last call of :func:`accelerations`.
+    """
+    _rates(w, x1, v1, x2, v2, amplified(u, t, z, r, p), z[RECOIL], t, z, r, p)
 
 
 @called

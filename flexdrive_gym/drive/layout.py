@@ -39,6 +39,8 @@ TASK_ENTRIES = 11
 LOW, HIGH, DRIVES, SENSING, SUBSTEPS, LEAPS, ENTRIES, PREVIEWS, SAMPLES, REFERENCES = range(10)
 ONE_BY_ONE, DRAWN, JOINT, LATE, TELLS, SHORT, ENDED = range(10, 17)
 SIZES = 17
+# what ENDED says of a step that was not made, because an action was no finite number
+REFUSED = -1
 
 # one address each; :class:`~flexdrive_gym.fleet.Fleet` makes and holds the arrays
 ARRAYS = (

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from flexdrive_gym.drive.simulate import Observation
 
 INPUT_NAMES = ("xr", "x1", "x2")
+# what an input of that name is made of
+_INPUTS = {"xr": (1, 0, 0), "x1": (0, 1, 0), "x2": (0, 0, 1), "xr-x1": (1, -1, 0), "xr-x2": (1, 0, -1)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +95,125 @@ class LinearController:
         if not self.shaper or any(delay < 0 or delay != int(delay) for delay, _weight in self.shaper):
             raise ValueError(f"shaper: must be pairs (whole samples of at least 0, weight); got {self.shaper!r}.")
         object.__setattr__(self, "_state", np.zeros(n))
+
+    @classmethod
+    def from_tf(
+        cls,
+        numerator: npt.ArrayLike,
+        denominator: npt.ArrayLike,
+        *,
+        reads: Literal["x1", "x2"] = "x2",
+        domain: Literal["s", "z"] = "s",
+        sample_time: float = 1e-3,
+        **fields: Any,
+    ) -> LinearController:
+        """Return a controller from a transfer function, u = C·(xr - x).
+
+        Parameters
+        ----------
+        numerator, denominator : array_like
+            Coefficients of C in falling powers [V/mm].
+        reads
+            The encoder whose position is x.
+        domain
+            ``s``: continuous, made discrete by Tustin's rule; ``z``: discrete at the sample time.
+        sample_time
+            Control period [s].
+        **fields
+            Others of the class: limit, name, L, …
+
+        Raises
+        ------
+        ValueError
+            For coefficients that are not finite, an improper C, or an unknown domain or encoder.
+        """
+        from scipy import signal  # noqa: PLC0415  (costs a third of a second; used here only)
+
+        num, den = (np.atleast_1d(np.asarray(c, dtype=np.float64)) for c in (numerator, denominator))
+        for name, c in (("numerator", num), ("denominator", den)):
+            if c.ndim != 1 or not c.size or not np.isfinite(c).all() or not (name == "numerator" or c.any()):
+                raise ValueError(f"{name}: must be finite coefficients in falling powers, not all 0; got {c.tolist()}.")
+        num, den = np.trim_zeros(num, "f") if num.any() else np.zeros(1), np.trim_zeros(den, "f")
+        if len(num) > len(den):
+            raise ValueError(
+                f"numerator: must not have a higher degree than the denominator, {len(den) - 1}; got {len(num) - 1}. A pure "
+                "derivative needs a filter pole."
+            )
+        # the library makes a state of a mere gain
+        static = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), num / den[0]
+        A, B, C, D = signal.tf2ss(num, den) if len(den) > 1 else static
+        return cls.from_ss(A, B, C, D, inputs=(f"xr - {reads}",), domain=domain, sample_time=sample_time, **fields)
+
+    @classmethod
+    def from_ss(
+        cls,
+        A: npt.ArrayLike,
+        B: npt.ArrayLike,
+        C: npt.ArrayLike,
+        D: npt.ArrayLike,
+        *,
+        inputs: Sequence[str] = INPUT_NAMES,
+        domain: Literal["s", "z"] = "z",
+        sample_time: float = 1e-3,
+        **fields: Any,
+    ) -> LinearController:
+        """Return a controller from state space with inputs by their names, and the command as its only output.
+
+        Parameters
+        ----------
+        A, B, C, D : array_like, shapes (n, n), (n, m), (1, n), (1, m)
+        inputs
+            Names of the m inputs: ``xr``, ``x1``, ``x2`` [mm], or an error ``xr - x1``, ``xr - x2``.
+        domain
+            ``z``: discrete at the sample time; ``s``: continuous, made discrete by Tustin's rule.
+        sample_time
+            Control period [s].
+        **fields
+            Others of the class: limit, name, L, …
+
+        Raises
+        ------
+        ValueError
+            For shapes that do not fit, or an unknown input or domain.
+        """
+        given = tuple(str(name).replace(" ", "") for name in inputs)
+        for name in given:
+            if name not in _INPUTS:
+                raise ValueError(f"inputs: must be among {', '.join(_INPUTS)}; got {name!r}.")
+        if domain not in ("s", "z"):
+            raise ValueError(f"domain: must be 's' (continuous) or 'z' (discrete); got {domain!r}.")
+        n, m = len(np.atleast_1d(np.asarray(A, dtype=np.float64))), len(given)
+        matrices = []
+        for name, value, shape in (("A", A, (n, n)), ("B", B, (n, m)), ("C", C, (1, n)), ("D", D, (1, m))):
+            matrix = np.asarray(value, dtype=np.float64)
+            if matrix.size != shape[0] * shape[1]:
+                raise ValueError(f"{name}: must be of shape {shape} for {n} states and {m} inputs; got {matrix.shape}.")
+            matrices.append(matrix.reshape(shape))
+        F, G, H, J = matrices
+        if domain == "s" and n:
+            from scipy import signal  # noqa: PLC0415
+
+            F, G, H, J, _dt = signal.cont2discrete((F, G, H, J), sample_time, method="bilinear")
+        signs = np.array([_INPUTS[name] for name in given])
+        # the second output, a velocity for the compensation of friction, is left to other makers
+        both = np.vstack([H, np.zeros((1, n))]), np.vstack([J @ signs, np.zeros((1, 3))])
+        return cls(F, G @ signs, *both, sample_time, **fields)
+
+    @property
+    def tf(self) -> control.TransferFunction:
+        """The linear part from xr, x1, x2 [mm] to u [V] as a python-control object with these names; the shaper is left out."""
+        import control  # noqa: PLC0415
+        from scipy import signal  # noqa: PLC0415
+
+        pairs = [signal.ss2tf(self.A, self.B, self.C[:1], self.D[:1], input=i) for i in range(3)] if self.order else []
+        nums = [num[0] for num, _den in pairs] or [np.array([d]) for d in self.D[0]]
+        dens = [den for _num, den in pairs] or [np.ones(1)] * 3
+        return control.TransferFunction([nums], [dens], self.sample_time, inputs=list(INPUT_NAMES), outputs=["u"])
+
+    @property
+    def reads(self) -> str:
+        """Names of the encoders that the controller reads: ``x1``, ``x2`` or ``x1, x2``; empty for none."""
+        return ", ".join(x for i, x in ((1, "x1"), (2, "x2")) if self.B[:, i].any() or self.D[0, i] != 0.0)
 
     @property
     def order(self) -> int:

@@ -50,7 +50,7 @@ def step_together(
         held, sign = margin_1(x1, x2, v2, u, t, z, 0, p)
         s1 = chosen(rest_1, chosen(held > 0.0, sign, 0.0), s1)
     if anywhere(rest_2):
-        held, sign = margin_2(x1, x2, v1, t, z, 0, p)
+        held, sign = margin_2(x1, x2, v1, u, t, z, 0, p)
         s2 = chosen(rest_2, chosen(held > 0.0, sign, 0.0), s2)
     y1, w1, y2, w2 = piece(x1, v1, x2, v2, s1, s2, u, t, h, table, z, p)
 
@@ -61,7 +61,7 @@ def step_together(
         over, _sign = margin_1(y1, y2, w2, u, t + h, z, trial, p)
         ends = ends | (sticks_1 & (over > 0.0))
     if p[W2] > 0.0 and anywhere(sticks_2):
-        over, _sign = margin_2(y1, y2, w1, t + h, z, trial, p)
+        over, _sign = margin_2(y1, y2, w1, u, t + h, z, trial, p)
         ends = ends | (sticks_2 & (over > 0.0))
     if anywhere(ends):
         return _with_events(ends, x1, v1, x2, v2, y1, w1, y2, w2, s1, s2, u, t, h, table, z, p)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import inf
-from typing import Literal, Protocol
+from math import inf, isfinite
+from typing import Any, Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -40,12 +40,47 @@ class Controller(Protocol):
         """Return the command [V]."""
 
 
+# readings beyond are of a run that left all bounds [mm, mm/s]
+FAR = 1e9
+
+
+def command_of(controller: Callable[[Observation], Any], observation: Observation) -> float:
+    """Ask a controller for its command [V].
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the answer is no number, or nan or infinite although what the controller saw was a drive's. A run that left all
+        bounds is a result, and passes.
+    """
+    given = controller(observation)
+    try:
+        u = float(given)
+    except (TypeError, ValueError) as error:
+        raise TypeError(
+            f"controller: must return one number, the command [V]; got {given!r}. Return a float."
+        ) from error
+    seen = observation
+    if not isfinite(u) and abs(seen.xr) + abs(seen.x1) + abs(seen.x2) + abs(seen.v1) + abs(seen.v2) < FAR:
+        raise ValueError(
+            f"controller: must return a finite command [V]; got {u} at t = {seen.t:g} s from finite readings. Look for a "
+            "division by zero, or a state that grew without bounds."
+        )
+    return u
+
+
 @dataclass(frozen=True)
 class PControl:
     """The handout's P-control: u = Kp·(xr - x), from x2 (non-collocated) or x1 (collocated)."""
 
     gain: float
     feedback: Literal["x1", "x2"] = "x2"
+
+    def __post_init__(self) -> None:
+        if not isfinite(self.gain):
+            raise ValueError(f"gain: must be a finite number [V/mm]; got {self.gain}.")
+        if self.feedback not in ("x1", "x2"):
+            raise ValueError(f"feedback: must be 'x1' or 'x2'; got {self.feedback!r}.")
 
     def reset(self) -> None:
         """Do nothing: there is no state."""
@@ -54,6 +89,12 @@ class PControl:
         """Return Kp·(xr - x) [V]."""
         x = observation.x1 if self.feedback == "x1" else observation.x2
         return self.gain * (observation.xr - x)
+
+    def linear(self, sample_time: float = 1e-3) -> LinearController:
+        """Return the same law as a linear controller."""
+        return LinearController.from_tf(
+            self.gain, 1.0, reads=self.feedback, domain="z", sample_time=sample_time, name=f"p_{self.feedback}"
+        )
 
 
 def uniform(t: npt.ArrayLike, values: npt.ArrayLike, name: str) -> tuple[FloatArray, FloatArray]:
@@ -187,7 +228,7 @@ def closed_loop(
         kernels.begin(state, sample_time, steps, memory, z, p, reading)
         for i in range(len(t)):
             readings[:, i] = reading
-            command = float(controller(Observation(float(t[i]), float(xr[i]), *map(float, reading))))
+            command = command_of(controller, Observation(float(t[i]), float(xr[i]), *map(float, reading)))
             u[i] = min(max(command, -limit), limit)
             if i + 1 < len(t):
                 kernels.run_sample(state, u[i], i * sample_time, sample_time, steps, memory, z, p, reading)

@@ -157,7 +157,7 @@ def step_through_events(
     trial = 6 * width(z)
     for attempt in range(MAX_EVENTS):
         held_1, sign_1 = margin_1(x1, x2, v2, u, t, z, 0, p) if v1 == 0.0 else (0.0, 0.0)
-        held_2, sign_2 = margin_2(x1, x2, v1, t, z, 0, p) if v2 == 0.0 else (0.0, 0.0)
+        held_2, sign_2 = margin_2(x1, x2, v1, u, t, z, 0, p) if v2 == 0.0 else (0.0, 0.0)
         s1 = _direction(v1, released_1, held_1, sign_1)
         s2 = _direction(v2, released_2, held_2, sign_2)
         y1, w1, y2, w2 = piece(x1, v1, x2, v2, s1, s2, u, t, left, table, z, p)
@@ -165,7 +165,7 @@ def step_through_events(
         # events of the trial: a sliding cart came back through zero, a sticking cart can no longer be held
         stop_1, stop_2 = s1 * w1 < 0.0, s2 * w2 < 0.0
         over_1, free_1 = margin_1(y1, y2, w2, u, t + left, z, trial, p) if s1 == 0.0 else (0.0, 0.0)
-        over_2, free_2 = margin_2(y1, y2, w1, t + left, z, trial, p) if s2 == 0.0 and p[W2] > 0.0 else (0.0, 0.0)
+        over_2, free_2 = margin_2(y1, y2, w1, u, t + left, z, trial, p) if s2 == 0.0 and p[W2] > 0.0 else (0.0, 0.0)
         loose_1, loose_2 = over_1 > 0.0, over_2 > 0.0
         if attempt == MAX_EVENTS - 1 or not (stop_1 or stop_2 or loose_1 or loose_2):
             commit(y1, y2, s1, s2, u, t + left, z, p)
@@ -233,7 +233,7 @@ def _release(
         if cart == 1:
             value, _s = margin_1(y1, y2, w2, u, t + theta * left, z, trial, p)
         else:
-            value, _s = margin_2(y1, y2, w1, t + theta * left, z, trial, p)
+            value, _s = margin_2(y1, y2, w1, u, t + theta * left, z, trial, p)
         if abs(value) < 1e-14 or high - low < 1e-12:
             return theta
         if value > 0.0:

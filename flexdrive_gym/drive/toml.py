@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
+from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,7 @@ import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
 from flexdrive_gym.drive import parameters
-from flexdrive_gym.drive.drive import Covariance, Drive, Provenance
+from flexdrive_gym.drive.drive import Covariance, Drive, Provenance, Recorded
 from flexdrive_gym.drive.effects import LAYOUT
 from flexdrive_gym.files import write_atomically
 from flexdrive_gym.recording import FloatArray
@@ -19,6 +21,18 @@ from flexdrive_gym.units import LAB, Units
 
 SCHEMA = 1
 _UNITS = ("length", "command", "per_length", "per_command", "per_time")
+# what says how far recordings reach, and the lab's units of it
+_REACH = {"u": "V", "v": "mm/s", "deflection": "mm", "slowest": "Hz", "fastest": "Hz"}
+# from a rig's own units: Newton's law divided by the force, or on a turning rig the torque, that a volt gives
+_CONVERSIONS = {
+    "V s²/mm": "Convert: m [V s²/mm] = mass [kg] / (force per volt [N/V]) / 1000, or for an inertia "
+    "J [kg m²] / (torque per volt [N m/V] · radius [m]) / 1000.",
+    "V s/mm": "Convert: b [V s/mm] = damping [N s/m] / (force per volt [N/V]) / 1000, or for a turning one "
+    "damping [N m s/rad] / (torque per volt [N m/V] · radius [m]) / 1000.",
+    "V/mm": "Convert: k [V/mm] = stiffness [N/m] / (force per volt [N/V]) / 1000, or for a turning one "
+    "stiffness [N m/rad] / (torque per volt [N m/V] · radius [m]) / 1000.",
+    "V": "Convert: d [V] = force [N] / (force per volt [N/V]), or torque [N m] / (torque per volt [N m/V]).",
+}
 
 
 def _entry(drive: Drive, name: str) -> Any:
@@ -76,15 +90,46 @@ def dumps(drive: Drive) -> str:
     if len(effects):
         document["effects"] = effects
     if drive.covariance is not None:
-        table = tomlkit.table()
-        table["names"] = list(drive.covariance.names)
-        rows = tomlkit.array().multiline(multiline=True)
-        sizes = _sizes(drive.covariance.names, drive.units)
-        for row in drive.covariance.matrix / np.outer(sizes, sizes):
-            rows.append([float(x) for x in row])
-        table["matrix"] = rows
-        document["covariance"] = table
+        document["covariance"] = _covariance(drive.covariance, _sizes(drive.covariance.names, drive.units))
+    if drive.run_to_run is not None:
+        spread = _covariance(drive.run_to_run, np.ones(len(drive.run_to_run.names)))
+        document["run_to_run"] = spread.comment("of the logarithms: what differs between runs of the same rig")
+    if drive.recorded is not None:
+        reached = tomlkit.table()
+        reached.comment(drive.units.name("how far the recordings reach: V, mm/s, mm, Hz"))
+        for name, value in asdict(drive.recorded).items():
+            reached[name] = drive.units.of_rig(float(value), _REACH[name])[0]
+        document["recorded"] = reached
     return tomlkit.dumps(document)
+
+
+def _covariance(covariance: Covariance, sizes: FloatArray) -> Any:
+    """Return a covariance as a table; ``sizes`` of the engine's units make one of the rig's."""
+    table = tomlkit.table()
+    table["names"] = list(covariance.names)
+    if isfinite(covariance.degrees):
+        table["degrees"] = float(covariance.degrees)
+    rows = tomlkit.array().multiline(multiline=True)
+    for row in covariance.matrix / np.outer(sizes, sizes):
+        rows.append([float(x) for x in row])
+    table["matrix"] = rows
+    return table
+
+
+def _read_covariance(table: dict[str, Any] | None, units: Units | None = None) -> Covariance | None:
+    """Return the covariance in a table; of parameters in the rig's units, or of pure numbers."""
+    if not table:
+        return None
+    names = tuple(table["names"])
+    sizes = np.ones(len(names)) if units is None else _sizes(names, units)
+    matrix = np.array(table["matrix"], dtype=np.float64) * np.outer(sizes, sizes)
+    return Covariance(names, matrix, float(table.get("degrees", inf)))
+
+
+def _read_recorded(table: dict[str, Any] | None, units: Units) -> Recorded | None:
+    if not table:
+        return None
+    return Recorded(**{name: float(value) * units.one(_REACH.get(name, "")) for name, value in table.items()})
 
 
 def save_drive(drive: Drive, path: str | Path) -> Path:
@@ -113,7 +158,9 @@ def _number(where: str, name: str, entry: Any, intervals: dict[str, tuple[float,
     spec = parameters.parameter(name).unit
     unit, one = units.name(spec), units.one(spec)
     if table.get("unit", unit) != unit:
-        raise ValueError(f"{where}: {name} must be given in {unit}; got {table['unit']!r}. Convert the value.")
+        raise ValueError(
+            f"{where}: {name} must be given in {unit}; got {table['unit']!r}. {_CONVERSIONS.get(unit, 'Convert the value.')}"
+        )
     value = table.get("value")
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise TypeError(f"{where}: {name} needs a number as value; got {value!r}.")
@@ -148,12 +195,11 @@ def loads(text: str, where: str = "drive.toml") -> Drive:
     except KeyError as error:
         raise ValueError(f"{where}: {error.args[0]}") from error
     source = document.get("provenance", {})
-    covariance = document.get("covariance")
     try:
         return Drive(
             values,
             intervals,
-            _covariance(covariance, units) if covariance else None,
+            _read_covariance(document.get("covariance"), units),
             Provenance(
                 source.get("method", "values"),
                 tuple(source.get("recordings", ())),
@@ -162,15 +208,11 @@ def loads(text: str, where: str = "drive.toml") -> Drive:
             ),
             document.get("name", "drive"),
             units,
+            _read_covariance(document.get("run_to_run")),
+            _read_recorded(document.get("recorded"), units),
         )
-    except ValueError as error:
+    except (TypeError, ValueError) as error:
         raise ValueError(f"{where}: {error}") from error
-
-
-def _covariance(table: Any, units: Units) -> Covariance:
-    names = tuple(table["names"])
-    sizes = _sizes(names, units)
-    return Covariance(names, np.array(table["matrix"], dtype=np.float64) * np.outer(sizes, sizes))
 
 
 def _key(effect_id: str, place: str, short: str) -> str:

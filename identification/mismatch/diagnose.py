@@ -44,7 +44,9 @@ from identification.mismatch.verdict import (
 from identification.mismatch.workbench import Workbench
 from identification.output_error import Run, prepare, simulate_run
 from identification.quantities import HANDOUT_RATIOS
-from identification.recordings import read_recordings
+from identification.recordings import RecordingSet, Rig
+from identification.recordings.given import Source, given
+from identification.selection import select
 from identification.topology import Topology, topology_of
 
 # a fit this near to the floor leaves nothing to explain
@@ -58,11 +60,12 @@ _FILTERS = (0.03, 0.08, 0.2)
 
 
 def diagnose(
-    recordings: str | Path | Sequence[str | Path] | Sequence[Recording],
+    recordings: Source,
     *,
     seed: int = 0,
     jobs: int | None = None,
     topology: Topology | None = None,
+    rig: Rig | str | Path | None = None,
     say: Progress = lambda _: None,
 ) -> Diagnosis:
     """Locate the mismatch between drive and recordings, name the physics that was left out, model it and prove it.
@@ -78,6 +81,8 @@ def diagnose(
         lock. The answer does not depend on it.
     topology
         Which bodies there are and what is free; default: one cart or two, as the recordings' channels tell.
+    rig
+        Rig description, or its file, to read recordings with; those already read bring theirs.
     say
         Called with a few words at every stage.
 
@@ -92,22 +97,16 @@ def diagnose(
     """
     begin = time.perf_counter()
     say("reading recordings")
-    runs = _read(recordings)
+    selection = select(given(recordings, rig))
+    runs = selection.require()
     split = split_recordings(runs)
     # its own threads keep the processors busy: those of the linear algebra would only be in their way
     with threadpool_limits(1, user_api="blas"), Crew(jobs or len(os.sched_getaffinity(0)) + 1) as pool:
-        return _Diagnosing(
-            runs, split, topology or topology_of(split.learn), np.random.default_rng(seed), pool, say, jobs
-        ).result(begin)
-
-
-def _read(recordings: Any) -> list[Recording]:
-    if isinstance(recordings, str | Path):
-        return list(read_recordings(recordings))
-    items = list(recordings)
-    if items and all(isinstance(r, Recording) for r in items):
-        return items
-    return list(read_recordings(items))
+        bodies = topology or topology_of(RecordingSet(split.learn, rig=runs.rig))
+        found = _Diagnosing(runs, split, bodies, np.random.default_rng(seed), pool, say, jobs).result(begin)
+    # what was left out has faults, too
+    faults = tuple(f for r, _ in selection.left_out for f in r.faults)
+    return replace(found, faults=(*found.faults, *faults), notes=(*selection.notes, *found.notes))
 
 
 class _Diagnosing:
@@ -203,48 +202,55 @@ class _Diagnosing:
         fits += velocity_fits(before_values, after_values, split.prove, self.runs, self.pool, held_out=True)
         before, after = Drive(before_values, name="free fit"), Drive(after_values, name="diagnosed drive")
         fits += loop_fits(before, after, split.loops)
-        proof = total(fits, held_out=True) if split.prove else total(fits)
+        units = self.runs[0].units
+        speed = units.one("mm/s")
+        rms, rms_after, floor = total(fits, held_out=True) if split.prove else total(fits)
+        proof = (rms / speed, rms_after / speed, floor / speed)
         own = None
         if self.friction_spread and proofs:
             kept = split.prove or split.learn
-            own = own_rms(before_values, after_values, kept, self.pool, self.friction_spread)
+            both = own_rms(before_values, after_values, kept, self.pool, self.friction_spread)
+            own = (both[0] / speed, both[1] / speed)
         findings = self.findings(proofs, drive)
         if steps and not proofs:
             # what is left is then what there was before any name
             found = self.nothing_named(found)
             left, _ = left_unnamed(found)
         commands = [r.excitation.frequency for r in split.learn]
-        nameless = () if proofs else (proving.refused, proving.kept_away)
-        unnamed = describe(self.bench, found, left, commands, *nameless)
+        refused, kept_away = ((), None) if proofs else (proving.refused, proving.kept_away)
+        unnamed = describe(self.bench, found, left, commands, refused, kept_away, units)
+        left_out = draw_maps(self.forces(after_values, split.learn))
+        maps = [m.of_rig(units) for m in maps]
         return Diagnosis(
             verdict=_verdict(findings, unnamed, proof),
-            faults=tuple(f for r in self.runs for f in r.faults),
+            faults=tuple(f for r in self.runs for f in r.in_rig_units().faults),
             located=located(maps),
             findings=findings,
             unnamed=unnamed,
-            handout_tied_rms=self.tied.rms if self.tied else float("nan"),
-            free_rms=self.free.rms,
+            handout_tied_rms=self.tied.rms / speed if self.tied else float("nan"),
+            free_rms=self.free.rms / speed,
             ratios=self.free.ratios,
             before_rms=proof[0],
             after_rms=proof[1],
             floor_rms=proof[2],
-            per_recording=tuple(fits),
+            per_recording=tuple(f.of_rig(units) for f in fits),
             predictions=(),
-            drive=drive,
-            free=before,
+            drive=drive.replace(units=units),
+            free=before.replace(units=units),
+            unit=units.name("mm/s"),
             seconds=time.perf_counter() - begin,
             split=split,
             notes=self.notes(drive),
             maps=tuple(maps),
             harmonics=tuple(harmonics(forces, split.learn)),
-            forces=tuple(forces),
-            remaining=tuple(draw_maps(self.forces(after_values, split.learn))),
+            forces=tuple(f.of_rig(units) for f in forces),
+            remaining=tuple(m.of_rig(units) for m in left_out),
             friction_spread=self.friction_spread,
             extra={
                 "rivals": _rivals(findings, [p.step for p in proofs]),
                 "order": {"@".join(p.step.rival.name): (keys_of(p.step), held_of(p.step)) for p in proofs},
             },
-            learnt=after,
+            learnt=after.replace(units=units),
             tied=self.tied.drive if self.tied else None,
             own_rms=own,
         )
@@ -257,6 +263,8 @@ class _Diagnosing:
 
     def findings(self, proofs: Sequence[Proof], drive: Drive) -> tuple[Finding, ...]:
         result = []
+        units = self.runs[0].units
+        speed = units.one("mm/s")
         for proof in proofs:
             step = proof.step
             parameters = {
@@ -264,6 +272,7 @@ class _Diagnosing:
                 for k in keys_of(step)
             }
             parameters |= {short(k): Estimate(v, (v, v), unit_of(k)) for k, v in held_of(step).items()}
+            parameters = {name: estimate.of_rig(units) for name, estimate in parameters.items()}
             # what is itself a finding is no other explanation
             ties = tuple(Named(*t.name) for t in step.ties if t.name not in {p.step.rival.name for p in proofs})
             id_, where = step.rival.name
@@ -276,9 +285,9 @@ class _Diagnosing:
                     experiment_for(id_) or None if ties else None,
                     proof.share,
                     proof.probability,
-                    proof.before,
-                    proof.after,
-                    "mm/s",
+                    proof.before / speed,
+                    proof.after / speed,
+                    units.name("mm/s"),
                     statement(id_, where, parameters, proof.share, proof.probability, ties),
                 )
             )
@@ -288,7 +297,7 @@ class _Diagnosing:
         notes = list(self.free.notes)
         if self.friction_spread:
             notes.append(f"friction differs from run to run by about {self.friction_spread:.0%}")
-        return (*notes, *spring_notes(drive, self.bench.runs))
+        return (*notes, *spring_notes(drive.replace(units=self.runs[0].units), self.bench.runs))
 
 
 def spring_notes(drive: Drive, runs: Sequence[Run]) -> tuple[str, ...]:
@@ -304,9 +313,10 @@ def spring_notes(drive: Drive, runs: Sequence[Run]) -> tuple[str, ...]:
     turns = [float(tried[np.argmax(side)]) for side in falls if side.any()]
     if not turns:
         return ()
+    turn, far = (drive.units.text(x, "mm", 2) for x in (min(turns), reached))
     note = (
-        f"the spring's force as it was fitted falls again beyond {min(turns):.2g} mm of deflection, and runs go to {reached:.2g} "
-        "mm: trust no simulation that goes much farther than they do"
+        f"the spring's force as it was fitted falls again beyond {turn} of deflection, and runs go to {far}: trust no "
+        "simulation that goes much farther than they do"
     )
     return (note,)
 
@@ -340,7 +350,7 @@ def located(maps: Sequence[Map]) -> tuple[Located, ...]:
     for where, square in sorted(sizes.items(), key=lambda item: -item[1]):
         best = max((m for m in maps if m.where == where), key=lambda m: m.explained)
         i = int(np.argmax(np.abs(best.mean)))
-        acts = f"{best.variable} near {best.centre[i]:.3g}" if best.explained > 0.02 else "nothing that was looked at"
+        acts = f"{best.variable} near {best.centre[i]:.3g}" if best.explained > 0.02 else "no single signal"
         found.append(Located(where, float(square / everything), acts, best.sentence))
     return tuple(found)
 

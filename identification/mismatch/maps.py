@@ -7,11 +7,12 @@ recordings that were left out when the means were taken, so that a map of noise 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from flexdrive_gym.recording import FloatArray, Recording
+from flexdrive_gym.units import LAB, Units
 from identification.mismatch.missing_force import MissingForce
 
 BINS = 24
@@ -43,19 +44,32 @@ class Map:
     band: FloatArray
     explained: float
     size: float
+    units: Units = LAB
+
+    def of_rig(self, units: Units) -> Map:
+        """Return the map as the rig's owner reads it."""
+        one, force = units.one(UNITS[self.variable]), units.one("V")
+        return replace(
+            self,
+            centre=self.centre / one,
+            mean=self.mean / force,
+            band=self.band / force,
+            size=self.size / force,
+            units=Units(units.length, units.command),
+        )
 
     @property
     def sentence(self) -> str:
         """What the map says."""
         i = int(np.argmax(np.abs(self.mean)))
-        at = f"{self.centre[i]:.3g} {UNITS[self.variable]}"
+        at = f"{self.centre[i]:.3g} {self.units.name(UNITS[self.variable])}"
         if self.explained < 0.02:
             return (
                 f"the force missing on {_cart(self.where)} is not predicted by {self.variable} in recordings left out"
             )
         return (
             f"{self.explained:.0%} of the force missing on {_cart(self.where)} follows {self.variable}; "
-            f"it is largest, {self.mean[i]:+.2f} V, at {self.variable} = {at}"
+            f"it is largest, {self.mean[i]:+.3g} {self.units.command}, at {self.variable} = {at}"
         )
 
 

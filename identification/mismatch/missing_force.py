@@ -13,7 +13,7 @@ While a cart rests, friction takes whatever is missing; such samples say nothing
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from scipy.ndimage import binary_dilation, gaussian_filter1d
 from flexdrive_gym.drive.compilation import kernel
 from flexdrive_gym.drive.linear import LinearDrive
 from flexdrive_gym.recording import BoolArray, FloatArray, Recording
+from flexdrive_gym.units import Units
 from identification.signals import motions
 
 # the missing force wanders with this standard deviation [V] and forgets in this time [s]: reversals are followed, encoder
@@ -60,6 +61,19 @@ class MissingForce:
     g: FloatArray
     band: FloatArray
     usable: BoolArray
+
+    def of_rig(self, units: Units) -> MissingForce:
+        """Return the numbers that the rig's owner reads."""
+        time, length, speed, force = (units.one(u) for u in ("s", "mm", "mm/s", "V"))
+        return replace(
+            self,
+            t=self.t / time,
+            u=self.u / force,
+            x=self.x / length,
+            v=self.v / speed,
+            g=self.g / force,
+            band=self.band / force,
+        )
 
     @property
     def delta(self) -> FloatArray:

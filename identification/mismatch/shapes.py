@@ -17,6 +17,7 @@ from functools import partial
 import numpy as np
 
 from flexdrive_gym.recording import FloatArray
+from flexdrive_gym.units import LAB, Units
 from identification.mismatch.candidates import Candidate
 from identification.mismatch.refit import Fit
 from identification.mismatch.screening import Screened, orthonormal
@@ -78,12 +79,12 @@ class Shape:
     screened: Screened
     probability: float = 1.0
 
-    @property
-    def sentence(self) -> str:
-        """Where it acts."""
+    def sentence(self, units: Units = LAB) -> str:
+        """Return where it acts, figures in the rig's units."""
         i = int(np.argmax(np.abs(self.force)))
-        unit = AXES[self.variable.removeprefix(FRICTION)]
-        return f"{self.variable}, largest ({self.force[i]:+.2g} V) at {self.knots[i]:.3g} {unit}"
+        at = units.text(float(self.knots[i]), AXES[self.variable.removeprefix(FRICTION)], 3)
+        size, command = units.of_rig(float(self.force[i]), "V")
+        return f"{self.variable}, largest ({size:+.2g} {command}) at {at}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,13 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from flexdrive_gym.units import LAB, Units
 from identification.mismatch.comes_again import KeptAway
 from identification.mismatch.excess import excess
 from identification.mismatch.lines import strongest_line
 from identification.mismatch.proof import FORETOLD, Proof
 from identification.mismatch.rounds import LEVEL, Stage
 from identification.mismatch.search import Search, Step, Unlike
-from identification.mismatch.shapes import ALONG_TRACK, WORTH, Shape, likeness
+from identification.mismatch.shapes import ALONG_TRACK, AXES, FRICTION, WORTH, Shape, likeness
 from identification.mismatch.verdict import Curve, Unnamed, phrase
 from identification.mismatch.workbench import Workbench
 
@@ -73,6 +74,7 @@ def describe(
     commands: Sequence[float],
     refused: Sequence[Proof] = (),
     kept_away: KeptAway | None = None,
+    units: Units = LAB,
 ) -> Unnamed | None:
     """Return what no name explains: a name that recordings disagree about, a shape, a rhythm, more than restlessness.
 
@@ -86,21 +88,23 @@ def describe(
         Names that did not stand, if none does.
     kept_away
         Recordings for what no name explains; none if a name stands.
+    units
+        The rig's, for the sentence.
     """
     most = max(found.unlike, key=lambda u: u.share, default=None)
     if most is not None and most.share >= WORTH and (left is None or most.share > left[0].predicted):
         return _resembling(most)
     if left is not None:
-        return _drawn(bench, *left)
+        return _drawn(bench, *left, units)
     return (
-        _rhythm(bench, found, commands)
+        _rhythm(bench, found, commands, units)
         or nearly_named(refused)
-        or _shown_again(bench, found, kept_away)
+        or _shown_again(bench, found, kept_away, units)
         or _restless(bench, found)
     )
 
 
-def _shown_again(bench: Workbench, found: Search, kept_away: KeptAway | None) -> Unnamed | None:
+def _shown_again(bench: Workbench, found: Search, kept_away: KeptAway | None, units: Units) -> Unnamed | None:
     """Return a free shape that is too small to be reported by itself, if recordings kept away show it, too."""
     stage = found.stages[0]
     small = [s for s in found.first_shapes if s.probability <= LEVEL and s.variable != ALONG_TRACK]
@@ -111,15 +115,16 @@ def _shown_again(bench: Workbench, found: Search, kept_away: KeptAway | None) ->
     again = kept_away.shape_comes_again(model.values, best, model.names)["comparable"]
     if again.probability > _SELDOM_SHAPED or not again.as_large:
         return None
-    shape = _drawn(bench, best, stage)
+    shape = _drawn(bench, best, stage, units)
     too = f"; it is small, but recordings kept away show it, too (p = {again.probability:.2g})"
     return replace(shape, acts_on=shape.acts_on + too)
 
 
-def _drawn(bench: Workbench, shape: Shape, stage: Stage) -> Unnamed:
+def _drawn(bench: Workbench, shape: Shape, stage: Stage, units: Units) -> Unnamed:
     nearest = likeness(bench, shape, stage.screened)
-    curve = Curve(shape.variable, shape.knots, shape.force, shape.band)
-    return Unnamed(shape.where, shape.predicted, shape.sentence, tuple(nearest[:3]), curve)
+    one, force = units.one(AXES[shape.variable.removeprefix(FRICTION)]), units.one("V")
+    curve = Curve(shape.variable, shape.knots / one, shape.force / force, shape.band / force, units)
+    return Unnamed(shape.where, shape.predicted, shape.sentence(units), tuple(nearest[:3]), curve)
 
 
 def _resembling(found: Unlike) -> Unnamed:
@@ -156,13 +161,13 @@ def nearly_named(proofs: Sequence[Proof]) -> Unnamed | None:
     return Unnamed(where, best.learnt, acts, ((id_, alike),))
 
 
-def _rhythm(bench: Workbench, found: Search, commands: Sequence[float]) -> Unnamed | None:
+def _rhythm(bench: Workbench, found: Search, commands: Sequence[float], units: Units) -> Unnamed | None:
     """Return a disturbance with a rhythm of its own, which no property of the drive can make."""
     values = found.model.values
     line = strongest_line(bench, bench.residual(values), commands, values)
     if line is None or line.share < _LINE_SHARE:
         return None
-    acts = f"{line.frequency:.3g} Hz whatever the command: a disturbance from outside"
+    acts = f"{units.text(line.frequency, 'Hz', 3)} whatever the command: a disturbance from outside"
     return Unnamed(line.where, line.share, acts, ())
 
 
@@ -178,7 +183,7 @@ def _restless(bench: Workbench, found: Search) -> Unnamed | None:
         return None
     most = " and ".join(f"{bench.runs[r].name} ({share:.0%})" for r, share in beyond.runs)
     acts = (
-        f"nothing that was looked at, but is more than a rig's own restlessness makes (p = {beyond.probability:.2g}); most "
-        f"of it in {most}"
+        f"no single signal (v1, v2, δ, u, x1, x2 or time); it exceeds what differs between runs of such a rig "
+        f"(p = {beyond.probability:.2g}) and is largest in {most}"
     )
     return Unnamed(beyond.where, beyond.share, acts, ())

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from flexdrive_gym import Drive
 from flexdrive_gym.drive.effects import EFFECTS
 from flexdrive_gym.drive.parameters import parameter
 from flexdrive_gym.recording import Fault, FloatArray
+from flexdrive_gym.units import LAB, Units
 from identification.mismatch.maps import Harmonics, Map
 from identification.mismatch.missing_force import MissingForce
 from identification.mismatch.split import Split
@@ -26,6 +28,11 @@ class Estimate:
     value: float
     ci95: tuple[float, float]
     unit: str
+
+    def of_rig(self, units: Units) -> Estimate:
+        """Return the estimate as the rig's owner reads it."""
+        one = units.one(self.unit)
+        return Estimate(self.value / one, (self.ci95[0] / one, self.ci95[1] / one), units.name(self.unit))
 
     def __str__(self) -> str:
         return f"{self.value:.3g} [{self.ci95[0]:.3g}, {self.ci95[1]:.3g}] {self.unit}"
@@ -93,13 +100,14 @@ class Curve:
     variable
         In words; "friction against ..." where the force is against the motion.
     at, force, band : ndarray, shape (n,)
-        Values of the variable, force [V] and its standard error over the recordings.
+        Values of the variable, force and its standard error over the recordings, in the rig's units.
     """
 
     variable: str
     at: FloatArray
     force: FloatArray
     band: FloatArray
+    units: Units = LAB
 
 
 @dataclass(frozen=True)
@@ -136,6 +144,12 @@ class RecordingFit:
     held_out: bool
     unit: str = "mm/s"
 
+    def of_rig(self, units: Units) -> RecordingFit:
+        """Return the fit as the rig's owner reads it."""
+        one = units.one(self.unit)
+        rms = (self.before_rms / one, self.after_rms / one, self.floor_rms / one)
+        return RecordingFit(self.recording, *rms, self.held_out, units.name(self.unit))
+
 
 @dataclass(frozen=True)
 class Prediction:
@@ -155,10 +169,16 @@ class Prediction:
     unit: str
     measured: str = ""
 
+    def of_rig(self, units: Units) -> Prediction:
+        """Return the prediction as the rig's owner reads it."""
+        one = units.one(self.unit)
+        before, after = (None if value is None else value / one for value in (self.before, self.after))
+        return replace(self, before=before, after=after, unit=units.name(self.unit))
+
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """Everything a diagnosis found; :meth:`as_json` is ``diagnosis.json``.
+    """Everything a diagnosis found, in the rig's units but for its drives; :meth:`as_json` is ``diagnosis.json``.
 
     Attributes
     ----------
@@ -258,7 +278,12 @@ class Diagnosis:
     def __str__(self) -> str:
         lines = [
             f"verdict: {self.verdict.replace('_', ' ')}",
-            f"rms kept away: {self.before_rms:.3g} -> {self.after_rms:.3g} {self.unit}, floor {self.floor_rms:.3g}",
+            f"rms kept away: {self.before_rms:.3g} -> {self.after_rms:.3g} {self.unit}, "
+            + (
+                f"floor {self.floor_rms:.3g}"
+                if math.isfinite(self.floor_rms)
+                else "no floor, because no run repeats itself"
+            ),
         ]
         if self.own_rms is not None:
             before, after = self.own_rms

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -89,6 +90,8 @@ def plot_before_after(
     window
         Stretch that is shown [s, s]; by default the one in which the two differ most.
     """
+    units = measured.units
+    measured, before, after = (replace(run, units=units).in_rig_units() for run in (measured, before, after))
     begin, end = window or telling_window(measured, before, after)
     real = _channels(measured)
     part = (measured.t >= begin) & (measured.t <= end)
@@ -97,10 +100,10 @@ def plot_before_after(
         len(real) + 1, 2, sharex=True, sharey="row", squeeze=False, height_ratios=[*[2.0] * len(real), 1.3]
     )
     for column, (title, run) in enumerate(zip(titles, (before, after), strict=True)):
-        unit = "mm/s"
+        unit = units.name("mm/s")
         for row, ((name, y, valid), (_, model, _)) in enumerate(zip(real, _channels(run), strict=False)):
             axes, error = panels[row, column], panels[-1, column]
-            cart, unit = int(name[1]), "mm" if name[0] == "x" else "mm/s"
+            cart, unit = int(name[1]), units.name("mm" if name[0] == "x" else "mm/s")
             rms = float(np.sqrt(np.mean((y - model)[valid] ** 2)))
             axes.plot(
                 measured.t[part], _smooth(measured, y)[part], color=style.COMMAND, linewidth=0.9, label="measured"
@@ -147,7 +150,7 @@ def _draw_map(axes: Axes, m: Map, colour: str, label: str) -> None:
 
 def _label(m: Map) -> str:
     name = f"${m.variable[0]}_{m.variable[1]}$" if len(m.variable) == 2 else f"${m.variable}$"
-    return f"{name.replace('δ', chr(92) + 'delta')} [{UNITS[m.variable]}]"
+    return f"{name.replace('δ', chr(92) + 'delta')} [{m.units.name(UNITS[m.variable])}]"
 
 
 @styled
@@ -197,7 +200,7 @@ def plot_telling_map(
             zorder=5,
         )
     panels[0].set_ylim(-1.15 * reach, 1.15 * reach)
-    panels[0].set_ylabel(f"missing on cart {before.where[-1]} [V]")
+    panels[0].set_ylabel(f"missing on cart {before.where[-1]} [{before.units.command}]")
     for axes in panels:
         legend_above(axes)
     return figure
@@ -229,7 +232,7 @@ def plot_maps(before: Sequence[Map], after: Sequence[Map] = ()) -> Figure:
         if b.where == wheres[-1]:
             axes.set_xlabel(_label(b), fontsize=8.0)
     for i, w in enumerate(wheres):
-        panels[i, 0].set_ylabel(f"missing on\ncart {w[-1]} [V]", fontsize=8.0)
+        panels[i, 0].set_ylabel(f"missing on\ncart {w[-1]} [{before[0].units.command}]", fontsize=8.0)
     return figure
 
 
@@ -246,7 +249,7 @@ def plot_curve(curve: Curve, where: str) -> Figure:
     axes.axhline(0.0, color=style.COMMAND, linewidth=0.7)
     symbol = name.replace("δ", r"\delta")
     shown = f"${symbol[0]}_{symbol[1]}$" if name in {"v1", "v2"} else f"${symbol}$" if len(name) <= _SYMBOL else name
-    axes.set_xlabel(f"{shown} [{AXES[name]}]")
-    axes.set_ylabel(f"{'friction' if friction else 'force'} missing\non cart {where[-1]} [V]")
+    axes.set_xlabel(f"{shown} [{curve.units.name(AXES[name])}]")
+    axes.set_ylabel(f"{'friction' if friction else 'force'} missing\non cart {where[-1]} [{curve.units.command}]")
     axes.margins(x=0.01)
     return figure

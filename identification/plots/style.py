@@ -30,6 +30,8 @@ MEASURED = "#808080"
 MARK = "#b3202c"
 SHADE = "#e9e9e9"
 FAULTS = ("#f6d5d5", "#fbeed0", "#e0e6f5")
+# a command at its limit is no fault of the data
+SATURATION = "#d3ead6"
 
 # text width of an A4 report [in]
 WIDTH = 7.2
@@ -95,17 +97,19 @@ def draw_velocity(axes: Axes, t: FloatArray, v: FloatArray, colour: str, label: 
 def shade_faults(axes: Axes, recording: Recording, *places: str) -> None:
     """Shade a run's faults at the places a panel shows (``encoder_1``, ``encoder_2``, ``actuator``).
 
-    Every kind of fault gets one legend entry; faults of the recording as a whole are always shown.
+    Every kind of fault gets one legend entry; faults of the recording as a whole are always shown. A command at its limit has a
+    colour of its own.
     """
     shown = [fault for fault in recording.faults if fault.where in (*places, "recording")]
-    kinds = list(dict.fromkeys(fault.id for fault in shown))
+    kinds = [kind for kind in dict.fromkeys(fault.id for fault in shown) if kind != "saturation"]
     named: set[str] = set()
     # longest first, so that a short dropout stays visible inside a long stretch of lost counts
     for fault in sorted(shown, key=lambda f: f.start_s - f.end_s):
         # a fault of one sample must be seen too
         end = max(fault.end_s, fault.start_s + 0.002 * float(np.ptp(recording.t)))
-        label = None if fault.id in named else fault.id.replace("_", " ")
-        colour = FAULTS[kinds.index(fault.id) % len(FAULTS)]
+        limited = fault.id == "saturation"
+        label = None if fault.id in named else "command at its limit" if limited else fault.id.replace("_", " ")
+        colour = SATURATION if limited else FAULTS[kinds.index(fault.id) % len(FAULTS)]
         axes.axvspan(fault.start_s, end, color=colour, linewidth=0.0, label=label, zorder=0)
         named.add(fault.id)
 

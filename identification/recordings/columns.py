@@ -3,23 +3,22 @@
 Logs come from spreadsheets, Simulink and scripts, and name the same signal ``t``, ``Time (s)`` or ``t_ms``.
 A name is a stem (what is measured) and an optional unit, in brackets or after a separator. The unit is
 looked up only among the units of the stem's dimension, so ``ms`` is a millisecond after ``t`` and a metre
-per second after ``v1``.
+per second after ``v1``. Words before or behind say whence a signal comes: ``x1_exp`` and ``v1_raw`` were measured,
+``v1_filt`` was filtered, ``x1_sim`` was simulated.
 """
 
 from __future__ import annotations
 
-import difflib
 import re
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from dataclasses import dataclass, replace
+from math import nan, pi
+from typing import Literal
 
 from identification.recordings.errors import RecordingError, broken
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
 Signal = Literal["t", "u", "x1", "x2", "v1", "v2", "xr"]
 Dimension = Literal["time", "voltage", "length", "velocity"]
+Origin = Literal["measured", "plain", "filtered", "simulated"]
 
 MEASURED: tuple[Signal, ...] = ("x1", "x2", "v1", "v2")
 LAB_UNIT: dict[Dimension, str] = {"time": "s", "voltage": "V", "length": "mm", "velocity": "mm/s"}
@@ -49,6 +48,14 @@ _COMMAND = (
     "inputvoltage",
     "commandvoltage",
     "voltagecommand",
+    "effort",
+    "controleffort",
+    "controlinput",
+    "duty",
+    "dutycycle",
+    "torquecommand",
+    "commandtorque",
+    "currentcommand",
 )
 _REFERENCE = (
     "xr",
@@ -88,6 +95,38 @@ _UNITS: dict[Dimension, dict[str, float]] = {
     "velocity": {name + per: factor for factor, names in _METRES.items() for name in names for per in _PER_SECOND},
 }
 
+# units that other rigs measure in, and how many of the first of a group one of each is
+_KINDRED: tuple[dict[str, float], ...] = (
+    {"rad": 1.0, "radian": 1.0, "radians": 1.0, "mrad": 1e-3}
+    | dict.fromkeys(("deg", "degree", "degrees"), pi / 180.0)
+    | dict.fromkeys(("rev", "revs", "turn", "turns", "revolutions"), 2.0 * pi),
+    {"rads": 1.0, "radsec": 1.0, "radps": 1.0, "rads1": 1.0, "mrads": 1e-3}
+    | dict.fromkeys(("degs", "degsec", "degps", "dps"), pi / 180.0)
+    | {"rpm": pi / 30.0, "revmin": pi / 30.0, "revs1": 2.0 * pi},
+    dict.fromkeys(("nm", "newtonmetre", "newtonmeter", "newtonmetres"), 1.0) | {"mnm": 1e-3, "ncm": 1e-2},
+    dict.fromkeys(("a", "amp", "amps", "ampere", "amperes"), 1.0) | {"ma": 1e-3},
+    dict.fromkeys(("n", "newton", "newtons"), 1.0),
+    dict.fromkeys(("count", "counts", "cts", "ticks", "tick", "pulses", "pulse", "lsb", "increments"), 1.0),
+    dict.fromkeys(("countss", "ctss", "tickss", "pulsess"), 1.0),
+    dict.fromkeys(("dac", "dacunits", "bits", "bit"), 1.0),
+    dict.fromkeys(("percent", "pct", "pwm"), 1.0),
+)
+_FOREIGN = {name for group in _KINDRED for name in group}
+
+_SAID: dict[Origin, str] = {
+    "measured": "exp expt experiment experimental meas measured measurement raw actual act real logged recorded rec",
+    "filtered": "filt filtered filter flt lpf lp lowpass smooth smoothed",
+    "simulated": "sim simulated simulation model mdl pred predicted est estimated hat theory theoretical ideal nominal",
+    "plain": "scopedata scope data log out logsout signal",
+}
+_WORDS: dict[str, Origin] = {word: origin for origin, words in _SAID.items() for word in words.split()}
+_RANK: tuple[Origin, ...] = ("measured", "plain", "filtered", "simulated")
+_WORD = re.compile(
+    rf"(?:^|(?<=[\s_.\-]))(?:{'|'.join(sorted(_WORDS, key=len, reverse=True))})(?=$|[\s_.\-\[(])", re.IGNORECASE
+)
+# without a separator only these, which end no name of a signal
+_GLUED = re.compile(r"^(exp|meas|sim|raw|filt)(?=[a-z]+\d?$)|(?<=[a-z0-9])(exp|meas|sim|raw|filt)$", re.IGNORECASE)
+
 _BRACKETS = re.compile(r"^(?P<stem>.*?)\s*[\[({](?P<unit>[^\])}]*)[\])}]\s*$")
 _SEPARATOR = re.compile(r"[\s_/,.:-]+")
 
@@ -103,12 +142,26 @@ class Column:
     signal
         What it holds.
     factor
-        Multiply by this to get s, V, mm or mm/s.
+        Multiply by this to get s, V, mm or mm/s; NaN where ``unit`` is none of the lab's.
+    unit
+        As the name says it; empty where it says none.
+    origin
+        Whence it comes, as far as its name says.
+    words
+        What says so.
     """
 
     label: str
     signal: Signal
     factor: float = 1.0
+    unit: str = ""
+    origin: Origin = "plain"
+    words: tuple[str, ...] = ()
+
+    @property
+    def rank(self) -> int:
+        """Order of preference: measured, plain, filtered, simulated."""
+        return _RANK.index(self.origin)
 
 
 def _plain(text: str) -> str:
@@ -126,14 +179,14 @@ def _signal(stem: str) -> Signal | None:
         return "xr"
     if name in ("v1", "v2"):
         return "v1" if name == "v1" else "v2"
-    base = re.sub(r"cart|mass|encoder", "", name)
+    base = re.sub(r"cart|mass|encoder|^enc(?=\d|pos|$)", "", name)
     digits = "".join(re.findall(r"\d", base))
     base = re.sub(r"\d", "", base)
     if digits not in ("", "1", "2"):
         return None
     if base in _REFERENCE:
         return "xr"
-    if base in _POSITION:
+    if base in _POSITION or (not base and digits and "enc" in name):
         return "x2" if digits == "2" else "x1"
     if base in _VELOCITY or (base == "v" and digits):
         return "v2" if digits == "2" else "v1"
@@ -142,6 +195,71 @@ def _signal(stem: str) -> Signal | None:
 
 def _factor(signal: Signal, unit: str) -> float | None:
     return _UNITS[DIMENSION[signal]].get(_plain(unit))
+
+
+def read_label(label: str) -> Column | None:
+    """Return what a column's name says, or ``None`` for an unknown name.
+
+    Parameters
+    ----------
+    label
+        Name as found in the file, for example ``v1_filt [mm/sec]``.
+
+    Returns
+    -------
+    Column or None
+        Without a unit s, V, mm and mm/s are assumed; a unit of another kind leaves ``factor`` NaN.
+    """
+    found = _known(label, label)
+    if found is not None:
+        return found
+    words = tuple(word.lower() for word in _WORD.findall(label))
+    bare = _WORD.sub("", label).strip(" _.-") if words else label
+    found = _known(label, bare) if words else None
+    if found is None:
+        stem, unit = _unglued(bare)
+        found = _known(label, stem + unit)
+        words += tuple(part.lower() for match in _GLUED.findall(_stem(bare)) for part in match if part)
+    if found is None or not words:
+        return None
+    return replace(found, origin=max((_WORDS[word] for word in words), key=_origin_order), words=words)
+
+
+def _origin_order(origin: Origin) -> int:
+    # filtered and simulated say more than measured
+    return {"plain": 0, "measured": 1, "filtered": 2, "simulated": 3}[origin]
+
+
+def _stem(label: str) -> str:
+    bracket = _BRACKETS.match(label)
+    return bracket["stem"].strip() if bracket else label
+
+
+def _unglued(label: str) -> tuple[str, str]:
+    stem = _stem(label)
+    return _GLUED.sub("", stem, count=1), label[len(stem) :]
+
+
+def _known(label: str, name: str) -> Column | None:
+    """Return the column that a name without words of origin stands for."""
+    bracket = _BRACKETS.match(name)
+    if bracket is not None:
+        signal = _signal(bracket["stem"])
+        if signal is None:
+            return None
+        factor = _factor(signal, bracket["unit"]) if bracket["unit"].strip() else 1.0
+        return Column(label, signal, nan if factor is None else factor, bracket["unit"].strip())
+    # the unit is the longest tail that is a unit of what the head names: v1 | mm_s, never v1_mm | s
+    for foreign in (False, True):
+        for cut in _SEPARATOR.finditer(name):
+            signal, tail = _signal(name[: cut.start()]), name[cut.end() :]
+            factor = None if signal is None else _factor(signal, tail)
+            if signal is not None and factor is not None:
+                return Column(label, signal, factor, tail)
+            if foreign and signal is not None and _plain(tail) in _FOREIGN:
+                return Column(label, signal, nan, tail)
+    signal = _signal(name)
+    return None if signal is None else Column(label, signal)
 
 
 def recognise_column(label: str, source: str = "columns") -> Column | None:
@@ -162,124 +280,42 @@ def recognise_column(label: str, source: str = "columns") -> Column | None:
     Raises
     ------
     RecordingError
-        If the name is known but the unit in its brackets is not.
+        If the name is known but its unit is none of the lab's.
     """
-    bracket = _BRACKETS.match(label)
-    if bracket is not None:
-        signal = _signal(bracket["stem"])
-        if signal is None:
-            return None
-        factor = _factor(signal, bracket["unit"]) if bracket["unit"].strip() else 1.0
-        if factor is None:
-            raise _no_unit(source, label, signal, bracket["unit"])
-        return Column(label, signal, factor)
-    # the unit is the longest tail that is a unit of what the head names: v1 | mm_s, never v1_mm | s
-    for cut in _SEPARATOR.finditer(label):
-        signal = _signal(label[: cut.start()])
-        factor = None if signal is None else _factor(signal, label[cut.end() :])
-        if signal is not None and factor is not None:
-            return Column(label, signal, factor)
-    signal = _signal(label)
-    return None if signal is None else Column(label, signal)
+    column = read_label(label)
+    if column is not None and column.factor != column.factor:
+        raise no_unit(source, label, column.signal, column.unit)
+    return column
 
 
-def assign_columns(labels: Sequence[str], source: str) -> tuple[dict[int, Column], tuple[str, ...]]:
-    """Recognise every column of a file.
+def conversion(column: Column, wanted: str) -> float | None:
+    """Return the factor from a column's unit to the rig's, or ``None`` where they are of different kinds.
 
     Parameters
     ----------
-    labels
-        Column names in file order.
-    source
-        File name for the error messages.
-
-    Returns
-    -------
-    columns : dict
-        Recognised columns by their place in ``labels``.
-    notes : tuple of str
-        One note naming the columns that were ignored, if any.
-
-    Raises
-    ------
-    RecordingError
-        If two columns hold the same signal.
+    column
+        Recognised column.
+    wanted
+        The rig's unit of its role, such as ``mm/s`` or ``rad``.
     """
-    columns: dict[int, Column] = {}
-    seen: dict[Signal, str] = {}
-    ignored = []
-    for place, label in enumerate(labels):
-        column = recognise_column(label, source)
-        if column is None:
-            ignored.append(label)
-            continue
-        if column.signal in seen:
-            raise broken(
-                source,
-                f"column {label}",
-                "each signal may appear once",
-                f"{seen[column.signal]} and {label}, both {column.signal}",
-                f"Keep one of them, or rename the other so that it is not taken for {column.signal}.",
-            )
-        seen[column.signal] = label
-        columns[place] = column
-    notes = (f"columns ignored: {', '.join(ignored)}",) if ignored else ()
-    return columns, notes
+    if not column.unit:
+        return 1.0
+    own, other = _plain(column.unit), _plain(wanted)
+    if own == other:
+        return 1.0
+    groups = (_UNITS[DIMENSION[column.signal]], *_KINDRED)
+    return next((group[own] / group[other] for group in groups if own in group and other in group), None)
 
 
-def only_reference(columns: Iterable[Column]) -> bool:
-    """Return whether the columns are those of a reference trajectory: time and xr and nothing else."""
-    return {column.signal for column in columns} == {"t", "xr"}
-
-
-def require_columns(columns: Iterable[Column], labels: Sequence[str], source: str) -> None:
-    """Check that time, command and at least one measurement are there.
-
-    Raises
-    ------
-    RecordingError
-        Naming what is missing, what the file has and the nearest name.
-    """
-    have = {column.signal for column in columns}
-    got = f"columns {', '.join(labels)}" if labels else "no columns"
-    for wanted, meaning, example in (
-        (("t",), "time", "t_s"),
-        (("u",), "the command", "u_V"),
-        (MEASURED, "at least one of x1, x2, v1, v2", "x1_mm"),
-    ):
-        if have.isdisjoint(wanted):
-            for label in labels:
-                strange = _strange_unit(label)
-                if strange is not None and strange[0] in wanted:
-                    raise _no_unit(source, label, *strange)
-            raise _missing(source, meaning, example, labels, got)
-
-
-def _strange_unit(label: str) -> tuple[Signal, str] | None:
-    """Return the signal and the tail of a name that is a signal and something else, which is no unit of it."""
-    if _BRACKETS.match(label) or recognise_column(label) is not None:
-        return None
-    for cut in _SEPARATOR.finditer(label):
-        signal = _signal(label[: cut.start()])
-        if signal is not None:
-            return signal, label[cut.end() :]
-    return None
-
-
-def _no_unit(source: str, label: str, signal: Signal, unit: str) -> RecordingError:
-    lab = LAB_UNIT[DIMENSION[signal]]
+def no_unit(source: str, label: str, signal: Signal, unit: str, wanted: str = "") -> RecordingError:
+    """Return the error for a column whose unit is not one of the rig's."""
+    lab = wanted or LAB_UNIT[DIMENSION[signal]]
+    role = "reference" if signal == "xr" else signal
     return broken(
         source,
         f"column {label}",
         f"the unit must be one of {DIMENSION[signal]}, for example {lab}",
         unit,
-        f"Convert the column to {lab} and rename it {signal} [{lab}].",
-    )
-
-
-def _missing(source: str, meaning: str, example: str, labels: Sequence[str], got: str) -> RecordingError:
-    near = difflib.get_close_matches(example.lower(), [label.lower() for label in labels], n=1, cutoff=0.6)
-    hint = f" Is {near[0]} meant?" if near and recognise_column(near[0]) is None else ""
-    return broken(
-        source, "columns", f"must contain {meaning}", got, f"Name that column {example}, unit included.{hint}"
+        f"Convert the column to {lab} and rename it {signal} [{lab}], or say in rig.toml what it is: "
+        f'[units] {role} = {{ unit = "{unit}" }}, or unit = "{lab}" with the factor from {unit} to {lab}.',
     )

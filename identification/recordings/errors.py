@@ -29,3 +29,7 @@ def broken(source: str, what: str, rule: str, got: str, remedy: str) -> Recordin
         Ready to be raised, reading ``source: what: rule; got value. Remedy``.
     """
     return RecordingError(f"{source}: {what}: {rule}; got {got}. {remedy}")
+
+
+class NotARecordingError(RecordingError):
+    """A readable file that is no recording, such as a reference trajectory or notes: left out without alarm."""

@@ -2,36 +2,89 @@
 
 from __future__ import annotations
 
-import difflib
-from collections import Counter
-from dataclasses import replace
-from fnmatch import fnmatchcase
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flexdrive_gym.recording import CHANNELS, Recording
-from identification.recordings.checks import check_excitation, check_units
-from identification.recordings.columns import assign_columns, only_reference, require_columns
-from identification.recordings.errors import RecordingError, broken
+from flexdrive_gym.units import Units
+from identification.recordings.checks import check_excitation, check_units, scale_warnings
+from identification.recordings.copies import find_copies
+from identification.recordings.dates import seconds_of_stamps
+from identification.recordings.errors import NotARecordingError, RecordingError, broken
 from identification.recordings.faults import find_faults, missing_samples
-from identification.recordings.files import EXTENSIONS, extension, read_table
+from identification.recordings.files import read_table
+from identification.recordings.folders import collect, short_names, wanted
 from identification.recordings.quantum import encoder_quantum, velocity_cutoff
 from identification.recordings.recognise import recognise_excitation
 from identification.recordings.recording_set import RecordingSet, Skipped
 from identification.recordings.rig import Rig, load_rig
+from identification.recordings.roles import find_roles
+from identification.recordings.scale import choose_units
 from identification.recordings.timing import Uniform, make_uniform
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from datetime import datetime
 
     from flexdrive_gym.recording import FloatArray
-    from identification.recordings.files import Table
+    from identification.recordings.rig import FileRule
+
+MOST_REASONS = 20  # lines of a listing on a terminal
+COUNTED = 1e-6  # by which counts that were converted and back may miss whole numbers
 
 
-class _NotARecordingError(RecordingError):
-    """A readable file that is no recording, such as a reference trajectory."""
+@dataclass(frozen=True)
+class _File:
+    """A file that may be a recording, with the folder it was found in and the rule it falls under."""
+
+    path: Path
+    root: Path | None
+    name: str
+    rule: FileRule | None
+    rig: Rig
+
+    @property
+    def source(self) -> str:
+        """Path from the folder down."""
+        return self.path.name if self.root is None else self.path.relative_to(self.root).as_posix()
+
+
+@dataclass(frozen=True)
+class Parsed:
+    """One file, understood, in the rig's units.
+
+    Attributes
+    ----------
+    name, source
+        Of the recording, and path from the folder down.
+    uniform
+        Signals on a uniform time base.
+    raw
+        Signals before missing values were filled in and samples resampled, by which units are checked.
+    steps
+        Smallest step of each measured signal; 0 where it shows none.
+    cutoff
+        How the velocities were made: 0 raw, a cut-off [Hz], or ``None`` if the data do not tell.
+    """
+
+    name: str
+    source: str
+    uniform: Uniform
+    raw: dict[str, FloatArray]
+    steps: dict[str, float]
+    cutoff: float | None
+    notes: tuple[str, ...] = ()
+    recorded: datetime | None = None
+    session: str = ""
+    held: tuple[int, ...] = ()
+
+    @property
+    def Ts(self) -> float:
+        """Sampling period [s]; the time base is uniform."""
+        return float(self.uniform.t[1] - self.uniform.t[0])
 
 
 def read_recordings(
@@ -41,20 +94,23 @@ def read_recordings(
     strict: bool = False,
     only: Sequence[str] = (),
     skip: Sequence[str] = (),
+    units: Units | None = None,
 ) -> RecordingSet:
     """Read the recordings of one rig.
 
     Parameters
     ----------
     paths
-        A folder, searched recursively for ``.csv``, ``.csv.gz`` and ``.mat`` in sorted order, a file, or
-        several of either.
+        A folder, searched recursively for text (``.csv``, ``.txt`` and others, also compressed), ``.mat`` and ``.parquet`` in
+        sorted order, a file, or several of either.
     rig
         What the columns mean: a description, or the ``rig.toml`` it stands in; default: the reader recognises names by itself.
     strict
-        A file of a folder that cannot be read raises instead of being left out.
+        A file that cannot be read raises instead of being left out.
     only, skip
         Patterns, such as ``2-5/*``, of the files to read and of those to leave out.
+    units
+        Units that the recordings are brought to, such as a drive's; default: chosen from the recordings themselves.
 
     Returns
     -------
@@ -65,172 +121,184 @@ def read_recordings(
     Raises
     ------
     RecordingError
-        If a path does not exist, a file that was named itself cannot be read, or nothing can: with every file's reason. The
-        message names the file, the column, the rule, the value and a remedy.
+        If a path does not exist, nothing can be read (with every file's reason), or ``units`` are not the rig's. The message
+        names the file, the column, the rule, the value and a remedy.
     """
     described = load_rig(rig) if isinstance(rig, str | Path) else rig or Rig()
-    files = [
-        (path, root)
-        for path, root in _collect([paths] if isinstance(paths, str | Path) else list(paths))
-        if _wanted(path if root is None else path.relative_to(root), only, skip)
-    ]
-    names = _names([path for path, _ in files])
-    recordings = []
-    skipped: list[Skipped] = []
-    for (path, root), name in zip(files, names, strict=True):
-        source = path.name if root is None else path.relative_to(root).as_posix()
+    _check_names(described, units)
+    files = _files([paths] if isinstance(paths, str | Path) else list(paths), described, only, skip)
+    skipped: dict[str, Skipped] = {}
+    parsed: list[Parsed] = []
+    errors: list[RecordingError] = []
+    for file, found in zip(files, _parse_all(files), strict=True):
+        if isinstance(found, Parsed):
+            parsed.append(found)
+            continue
+        error = _from_the_folder_down(file, found)
+        if strict and not isinstance(error, NotARecordingError):
+            raise error
+        errors.append(error)
+        skipped[file.name] = Skipped(file.source, str(error).removeprefix(f"{file.source}: "))
+    scaled = choose_units(described, parsed) if units is None else units
+    sound: dict[str, Recording] = {}
+    for item in parsed:
         try:
-            recordings.append(_read(path, name, source))
+            sound[item.name] = _recording(item, scaled)
         except RecordingError as error:
-            # folders repeat file names, so the message names the file from the folder down
-            message = source + str(error).removeprefix(path.name)
-            if root is None or (strict and not isinstance(error, _NotARecordingError)):
-                raise RecordingError(message) from error
-            skipped.append(Skipped(source, str(error).removeprefix(f"{path.name}: ")))
+            if strict:
+                raise
+            errors.append(error)
+            skipped[item.name] = Skipped(item.source, str(error).removeprefix(f"{item.source}: "))
+    for copy, original in find_copies([item for item in parsed if item.name in sound]):
+        skipped[copy.name] = Skipped(copy.source, f"the same run as {original.source}")
+        del sound[copy.name]
+    recordings = list(sound.values())
     if not recordings:
-        listing = "".join(f"\n  {item.file}: {item.reason}" for item in skipped) or "no file that was asked for"
-        raise broken(
-            _shown(paths),
-            "files",
-            "at least one must be a recording",
-            listing,
-            "A recording has columns such as t_s,u_V,v1_mm_s,v2_mm_s; 'flexdrive check' says more.",
-        )
-    return RecordingSet(find_faults(_share_quantum(recordings)), skipped, described)
+        raise _nothing(paths, files, skipped, errors)
+    listed = [skipped[file.name] for file in files if file.name in skipped]
+    return RecordingSet(find_faults(_share_quantum(recordings)), listed, described)
 
 
-def _wanted(path: Path, only: Sequence[str], skip: Sequence[str]) -> bool:
-    def matches(patterns: Sequence[str]) -> bool:
-        return any(fnmatchcase(text, pattern) for pattern in patterns for text in (path.as_posix(), path.name))
+def _check_names(rig: Rig, units: Units | None) -> None:
+    """Refuse units that a rig is not measured in."""
+    if units is None:
+        return
+    length, command = rig.unit_names()
+    if (units.length, units.command) != (length, command):
+        rule = f"must be measured in {units.length} and {units.command}, as the drive is"
+        remedy = f'Give the factors to them in rig.toml: [units] x1 = {{ unit = "{units.length}", factor = … }}.'
+        raise broken(rig.name or "recordings", "units", rule, f"{length} and {command}", remedy)
 
-    return (not only or matches(only)) and not matches(skip)
+
+def _from_the_folder_down(file: _File, error: RecordingError) -> RecordingError:
+    """Return an error that names the file from the folder down, because folders repeat file names."""
+    text = str(error)
+    return type(error)(file.source + text.removeprefix(file.path.name) if text.startswith(file.path.name) else text)
+
+
+def _nothing(
+    paths: str | Path | Sequence[str | Path],
+    files: list[_File],
+    skipped: dict[str, Skipped],
+    errors: list[RecordingError],
+) -> RecordingError:
+    """Return the error for a set without any recording, with every file's reason."""
+    if len(files) == 1 and files[0].root is None and errors:
+        return errors[0]
+    sources: dict[str, list[str]] = {}
+    for item in skipped.values():
+        sources.setdefault(item.reason, []).append(item.file)
+    lines = [
+        f"\n  {own[0]}{f' and {len(own) - 1} more' if len(own) > 1 else ''}: {reason}"
+        for reason, own in list(sources.items())[:MOST_REASONS]
+    ]
+    if len(sources) > MOST_REASONS:
+        lines.append(f"\n  and {sum(len(own) for own in list(sources.values())[MOST_REASONS:])} more files")
+    got = f"none in {len(files)} files. " if files else "no file that was asked for. "
+    remedy = "A recording has columns such as t_s,u_V,v1_mm_s,v2_mm_s; a rig.toml says which columns of other names they are."
+    return RecordingError(
+        f"{_shown(paths)}: files: at least one must be a recording; got {got}{remedy}{''.join(lines)}"
+    )
+
+
+def _files(paths: list[str | Path], rig: Rig, only: Sequence[str], skip: Sequence[str]) -> list[_File]:
+    """Return the files that are asked for."""
+    found = [
+        (path, root)
+        for path, root in collect(paths)
+        if wanted(path if root is None else path.relative_to(root), only, skip)
+    ]
+    names = short_names([path for path, _ in found])
+    files = []
+    for (path, root), name in zip(found, names, strict=True):
+        source = path.name if root is None else path.relative_to(root).as_posix()
+        files.append(_File(path, root, name, rig.rule(source), rig.for_file(source)))
+    return files
 
 
 def _shown(paths: str | Path | Sequence[str | Path]) -> str:
     return str(paths) if isinstance(paths, str | Path) else ", ".join(map(str, paths))
 
 
-def _collect(paths: list[str | Path]) -> list[tuple[Path, Path | None]]:
-    """Return each file once, with the folder it was found in, or ``None`` if it was named itself."""
-    found: dict[Path, tuple[Path, Path | None]] = {}
-    if not paths:
-        raise broken("recordings", "paths", "at least one file or folder is needed", "none", "Name one.")
-    for item in paths:
-        path = Path(item)
-        if path.is_dir():
-            for file in _folder(path):
-                found.setdefault(file.resolve(), (file, path))
-        elif path.exists():
-            found[path.resolve()] = (path, None)
-        else:
-            raise _missing(path)
-    return list(found.values())
+def _parse_all(files: list[_File]) -> list[Parsed | RecordingError]:
+    """Understand each file by itself, in the order of the files."""
+    return [_attempt(file) for file in files]
 
 
-def _folder(folder: Path) -> list[Path]:
-    """Return the files of a folder that may be recordings, hidden ones aside."""
-    every = sorted(path for path in folder.rglob("*") if path.is_file())
-    visible = [p for p in every if not any(part.startswith(".") for part in p.relative_to(folder).parts)]
-    files = [path for path in visible if extension(path) in EXTENSIONS]
-    if not files:
-        other = ", ".join(path.name for path in visible[:5]) or "nothing"
-        raise broken(
-            str(folder),
-            "folder",
-            f"must contain {', '.join(EXTENSIONS)} files",
-            other,
-            "Export the logs as .csv with a header line such as t_s,u_V,v1_mm_s,v2_mm_s.",
-        )
-    return files
+def _attempt(file: _File) -> Parsed | RecordingError:
+    try:
+        return _parse(file)
+    except RecordingError as error:
+        return error
 
 
-def _missing(path: Path) -> RecordingError:
-    parent = path.parent
-    siblings = [item.name for item in parent.iterdir()] if parent.is_dir() else []
-    near = difflib.get_close_matches(path.name, siblings, n=1, cutoff=0.6)
-    remedy = f"Did you mean {near[0]}?" if near else "Check the spelling and the working directory."
-    return broken(str(path), "path", "must exist", "no such file or folder", remedy)
-
-
-def _stem(path: Path) -> str:
-    return path.name[: len(path.name) - len(extension(path))] or path.name
-
-
-def _names(files: list[Path]) -> list[str]:
-    """Return short names, with as many folders in front as it takes to tell equal ones apart."""
-    names = [_stem(path) for path in files]
-    parts = [path.resolve().parts for path in files]
-    for depth in range(1, max((len(p) for p in parts), default=1)):
-        counts = Counter(names)
-        if max(counts.values()) == 1:
-            break
-        names = [
-            "_".join((*parts[k][-1 - depth : -1], _stem(files[k]))) if counts[name] > 1 else name
-            for k, name in enumerate(names)
-        ]
-    # one folder may hold the same run as .csv and as .mat, which no folder in front tells apart
-    counts = Counter(names)
-    return [
-        f"{_stem(path)}_{extension(path)[1:].replace('.', '_')}" if counts[name] > 1 else name
-        for name, path in zip(names, files, strict=True)
-    ]
-
-
-def _read(path: Path, name: str, source: str) -> Recording:
-    """Read one file; ``name`` is the recording's, ``source`` what messages call the file."""
-    table = read_table(path)
-    signals, notes = _signals(table, path.name)
+def _parse(file: _File) -> Parsed:
+    """Read one file and put its signals on a uniform time base, in the rig's units."""
+    source, rig = file.path.name, file.rig
+    if file.rule is not None and not file.rule.use:
+        raise NotARecordingError(f"{source}: left out by rig.toml")
+    table = read_table(file.path)
+    roles = find_roles(table, rig, source)
+    signals = dict(roles.signals)
+    t, recorded, note = seconds_of_stamps(signals.pop("t"), roles.unit)
     # the grid of the counts is looked for before resampling and interpolation leave it
-    steps: dict[str, float] = {key: encoder_quantum(signals[key]) for key in CHANNELS if key in signals}
-    uniform = make_uniform(signals.pop("t"), signals, path.name)
+    steps: dict[str, float] = {name: _step(signals[name], roles.factors[name]) for name in CHANNELS if name in signals}
+    uniform = make_uniform(t, signals, source, rig.sample_time)
     Ts = float(np.median(np.diff(uniform.t)))
-    check_units(signals, steps, Ts, path.name)
-    notes += check_excitation(uniform.signals["u"], path.name)
-    return _recording(name, source, uniform, _quantum(steps, Ts), _cutoff(signals, steps, Ts), notes)
+    cutoff = _cutoff(signals, steps, Ts, roles.filtered)
+    notes = (*table.notes, *roles.notes, *((note,) if note else ()), *_filter_notes(roles.filtered, cutoff))
+    rule = file.rule
+    return Parsed(
+        file.name,
+        file.source,
+        uniform,
+        signals,
+        steps,
+        cutoff,
+        notes,
+        table.recorded or recorded,
+        "" if rule is None else rule.session,
+        () if rule is None or rule.held is None else rule.held,
+    )
 
 
-def _signals(table: Table, source: str) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
-    """Return the recognised signals in s, V, mm and mm/s."""
-    columns, notes = assign_columns(table.labels, source)
-    if only_reference(columns.values()):
-        raise _NotARecordingError(
-            f"{source}: columns: must contain the command and a position or velocity; got time and reference "
-            "only. This is a reference trajectory, not a recording; leave it out."
-        )
-    require_columns(columns.values(), table.labels, source)
-    signals: dict[str, FloatArray] = {
-        column.signal: np.where(np.isfinite(table.values[k]), table.values[k] * column.factor, np.nan)
-        for k, column in columns.items()
-    }
-    size = signals["t"].size
-    for k, column in columns.items():
-        if table.values[k].size != size:
-            raise broken(
-                source,
-                f"column {column.label}",
-                "must have as many values as time",
-                f"{table.values[k].size} values for {size} instants",
-                "Save both from the same run.",
-            )
-    return signals, (*table.notes, *notes)
+def _step(values: FloatArray, factor: float) -> float:
+    """Return the smallest step of a channel, sought among the numbers as they stand in the file."""
+    size = abs(factor)
+    raw = values / size
+    step = encoder_quantum(raw)
+    if step == 0.0 and size != 1.0 and np.unique(raw[np.isfinite(raw)]).size > 1:
+        finite = raw[np.isfinite(raw)]
+        step = 1.0 if bool(np.all(np.abs(finite - np.round(finite)) < COUNTED)) else 0.0
+    return step * size
+
+
+def _filter_notes(filtered: tuple[str, ...], cutoff: float | None) -> tuple[str, ...]:
+    if not filtered:
+        return ()
+    if cutoff is None:
+        return ("the cut-off of the velocities' filter is not known",)
+    return (f"the velocities' filter has a cut-off of {cutoff:.3g} Hz",)
 
 
 def _quantum(steps: dict[str, float], Ts: float) -> tuple[float, float]:
-    """Return the counts of both encoders [mm], from positions or raw differences."""
+    """Return the counts of both encoders, from positions or raw differences."""
     first, second = (steps.get(f"x{cart}") or steps.get(f"v{cart}", 0.0) * Ts for cart in (1, 2))
     return float(f"{first:.6g}"), float(f"{second:.6g}")
 
 
-def _cutoff(signals: dict[str, FloatArray], steps: dict[str, float], Ts: float) -> float | None:
+def _cutoff(
+    signals: dict[str, FloatArray], steps: dict[str, float], Ts: float, filtered: tuple[str, ...]
+) -> float | None:
     """Return how the velocities were made: 0 raw, a cut-off [Hz], or ``None`` if the data do not tell."""
     found: list[float | None] = []
     if "v1" not in signals and "v2" not in signals:
         return 0.0  # nothing was made from a position
     for cart in (1, 2):
         x, v = signals.get(f"x{cart}"), signals.get(f"v{cart}")
-        if v is None or not np.nanmax(np.abs(v)) > 0.0:
+        if v is None or not np.nanmax(np.abs(v), initial=0.0) > 0.0:
             continue  # a cart that stands does not tell
-        if steps[f"v{cart}"] > 0.0:
+        if steps[f"v{cart}"] > 0.0 and f"v{cart}" not in filtered:
             found.append(0.0)
         elif x is not None:
             good = np.isfinite(x) & np.isfinite(v)
@@ -243,29 +311,42 @@ def _cutoff(signals: dict[str, FloatArray], steps: dict[str, float], Ts: float) 
     return float(np.mean(known))
 
 
-def _recording(
-    name: str,
-    source: str,
-    uniform: Uniform,
-    quantum: tuple[float, float],
-    cutoff: float | None,
-    notes: tuple[str, ...],
-) -> Recording:
+def _recording(parsed: Parsed, units: Units) -> Recording:
+    """Return a recording in the engine's units, its signals checked."""
+    one = {name: units.one("mm/s" if name[0] == "v" else "V" if name == "u" else "mm") for name in parsed.raw}
+    uniform = replace(
+        parsed.uniform,
+        t=parsed.uniform.t * units.per_time,
+        signals={name: values * one[name] for name, values in parsed.uniform.signals.items()},
+        missing={
+            name: [(first * units.per_time, last * units.per_time) for first, last in spans]
+            for name, spans in parsed.uniform.missing.items()
+        },
+    )
+    raw = {name: values * one[name] for name, values in parsed.raw.items()}
+    steps = {name: step * one[name] for name, step in parsed.steps.items()}
+    Ts = parsed.Ts * units.per_time
+    check_units(raw, steps, Ts, parsed.source, units)
     signals = uniform.signals
-    channels: dict[str, Any] = {key: signals.get(key) for key in (*CHANNELS, "xr")}
-    excitation = recognise_excitation(uniform.t, signals["u"], signals.get("x1"), signals.get("x2"), signals.get("xr"))
     moved = any(np.ptp(signals[key]) > 0.0 for key in CHANNELS if key in signals)
+    notes = (*check_excitation(signals["u"], moved, units, parsed.source), *scale_warnings(raw, steps, Ts, units))
+    excitation = recognise_excitation(uniform.t, signals["u"], signals.get("x1"), signals.get("x2"), signals.get("xr"))
+    channels: dict[str, Any] = {key: signals.get(key) for key in (*CHANNELS, "xr")}
     return Recording(
-        name=name,
+        name=parsed.name,
         t=uniform.t,
         u=signals["u"],
         **channels,
-        quantum=quantum,
-        velocity_cutoff=cutoff,
+        quantum=_quantum(steps, Ts),
+        velocity_cutoff=None if parsed.cutoff is None else parsed.cutoff / units.per_time,
         excitation=excitation,
-        faults=missing_samples(uniform, name),
-        notes=(*notes, *uniform.notes, *(() if moved else ("nothing moves",))),
-        source=source,
+        faults=missing_samples(uniform, parsed.name),
+        notes=(*parsed.notes, *notes, *uniform.notes, *(() if moved else ("nothing moves",))),
+        source=parsed.source,
+        units=units,
+        recorded=parsed.recorded,
+        session=parsed.session,
+        held=parsed.held,
     )
 
 

@@ -84,7 +84,7 @@ class Rig:
     carts
         1 or 2, or ``None``: as the recordings tell.
     known
-        Effects that the base model already has, by their ids.
+        Effects that the base model already has, by their ids; ``id@place`` for one of several places.
     sample_time
         Sampling period [s], or ``None``: from the files' clock.
     columns
@@ -123,11 +123,13 @@ class Rig:
         )
 
     def unit_names(self) -> tuple[str, str]:
-        """Return the names of the units of position and command."""
-        names = [self.units[role].name for role in ("x1", "x2", "reference") if role in self.units]
-        speeds = [self.units[role].name for role in ("v1", "v2") if role in self.units]
+        """Return the names of the units of position and command; rules for some files name them where nothing else does."""
+        tables = [self.units, *(rule.units for rule in self.files)]
+        names = [units[role].name for units in tables for role in ("x1", "x2", "reference") if role in units]
+        speeds = [units[role].name for units in tables for role in ("v1", "v2") if role in units]
+        commands = [units["u"].name for units in tables if "u" in units]
         length = names[0] if names else speeds[0].removesuffix("/s") if speeds else "mm"
-        return length, self.units["u"].name if "u" in self.units else "V"
+        return length, commands[0] if commands else "V"
 
 
 def scaled(rig: Rig, per_length: float, per_command: float) -> Units:
@@ -192,9 +194,9 @@ def parse_rig(text: str, where: str = "rig.toml") -> Rig:
         files=tuple(_file(where, i, item) for i, item in enumerate(files, 1)),
         scale=_scale(where, document.get("scale", {})),
     )
-    for i, rule in enumerate([None, *found.files]):
-        merged = found if rule is None else replace(found, units={**units, **rule.units})
-        _agree(where, "[units]" if rule is None else f"[[files]] {i}", merged)
+    _agree(where, "[units]", units, found)
+    for i, rule in enumerate(found.files, 1):
+        _agree(where, f"[[files]] {i} units", rule.units, found)
     return found
 
 
@@ -233,7 +235,7 @@ def _effects(where: str, value: Any) -> tuple[str, ...]:
             where, "[rig] known", "must be a list of effects", repr(value)[:60], 'Write known = ["ground_spring"].'
         )
     for item in value:
-        if item not in ids:
+        if str(item).partition("@")[0] not in ids:
             near = difflib.get_close_matches(str(item), ids, n=1, cutoff=0.6)
             hint = f"Did you mean {near[0]}?" if near else "See docs/physics.md for the catalogue."
             raise broken(where, "[rig] known", "must name effects of the catalogue", repr(item), hint)
@@ -308,12 +310,12 @@ def _scale(where: str, value: Any) -> dict[str, float]:
     return {key: float(number) for key, number in table.items()}
 
 
-def _agree(where: str, what: str, rig: Rig) -> None:
-    """Both carts and the reference are measured in one unit, and velocities in that per second."""
-    length, _ = rig.unit_names()
-    for role, unit in rig.units.items():
-        expected = {"t": "s", "u": None}.get(role, f"{length}/s" if role[0] == "v" else length)
-        if expected is not None and unit.name != expected:
+def _agree(where: str, what: str, units: Mapping[str, Unit], rig: Rig) -> None:
+    """Both carts and the reference are measured in one unit, and velocities in that per second, in all files of a rig."""
+    length, command = rig.unit_names()
+    for role, unit in units.items():
+        expected = {"t": "s", "u": command}.get(role, f"{length}/s" if role[0] == "v" else length)
+        if unit.name != expected:
             remedy = f"Give {role} a factor that turns it into {expected}."
             raise broken(where, f"{what} {role}", f"must be in {expected}, as the other signals are", unit.name, remedy)
 

@@ -16,17 +16,30 @@ import numpy as np
 from identification.recordings.errors import broken
 
 if TYPE_CHECKING:
+    import numpy.typing as npt
+
     from flexdrive_gym.recording import BoolArray, FloatArray
 
 SHORTEST = 0.2  # s: below this not even the spring's first swing (about 3 Hz) is seen
 FEWEST = 50  # samples
 SLOWEST = 0.5  # s per sample: no log of this drive is so slow; stamps in ms labelled s are
+UNEVEN = 1e-3  # of the sampling period, below which stamps are left as they are
 JITTER = 0.05  # of the sampling period, beyond which the samples cannot be called uniform
 GAP = 1.5  # sampling periods between neighbours, beyond which a sample is missing
 LONGEST_GAPS = 0.5  # s in total that may be bridged
 SAME = 1e-9  # s: closer stamps are equal but for floating-point noise
 MOST_MISSING = 0.2  # of a column that may be interpolated
 MOST_REPEATED = 0.05  # of the stamps that may repeat before they are too coarse to be a time base
+MOST_DISORDERED = 0.01  # of the samples that may come late
+MOST_PIECES = 20  # of a clock that starts again, beyond which it is none
+LONG_GAP = 0.02  # s: the spring's swing can be followed over a shorter one
+FEWEST_STEPS = 3  # odd steps whose regularity tells rounding from lost samples
+BLOCK = 200  # samples over which rounded stamps keep to a line
+DRIFT = 5.0  # decimals by which a clock may drift in a run
+COARSEST = 4.0  # sampling periods that a rounded stamp may be coarse
+MOST_INVENTED = 1.5  # samples on the grid for one in the file
+STRETCH = 0.01  # by which a given sampling period may differ from the stamps
+LATEST = 1e12  # s
 
 
 @dataclass(frozen=True)
@@ -51,7 +64,9 @@ class Uniform:
     notes: tuple[str, ...] = ()
 
 
-def make_uniform(t: FloatArray, signals: dict[str, FloatArray], source: str) -> Uniform:
+def make_uniform(
+    t: FloatArray, signals: dict[str, FloatArray], source: str, sample_time: float | None = None
+) -> Uniform:
     """Check the time stamps and put the signals on a uniform time base.
 
     Parameters
@@ -62,6 +77,8 @@ def make_uniform(t: FloatArray, signals: dict[str, FloatArray], source: str) -> 
         The other signals, each ndarray, shape (n,); may hold NaN.
     source
         File name for messages.
+    sample_time
+        Sampling period [s] that holds instead of the stamps.
 
     Returns
     -------
@@ -70,30 +87,59 @@ def make_uniform(t: FloatArray, signals: dict[str, FloatArray], source: str) -> 
     Raises
     ------
     RecordingError
-        If the stamps do not increase, look like another unit, leave out more than half a second, or span too
-        little, or a column has too many missing values.
+        If the stamps do not increase, look like another unit, leave out too much, or span too little, or a column has too many
+        missing values.
     """
-    t, signals, notes = _clean_stamps(t, signals, source)
+    if sample_time is not None:
+        t, notes = _counted(t, sample_time)
+    else:
+        t, signals, notes = _clean_stamps(t, signals, source)
     Ts = _sample_time(t, source)
     gaps, gap_notes = _gaps(t, Ts, source)
     signals, missing = _fill(t, signals, source)
-    step, resample, jitter_notes = _regularity(t, Ts, gaps)
+    step, resample, jitter_notes = _regularity(t, Ts, gaps, source)
     notes += [*gap_notes, *jitter_notes]
     for where in np.flatnonzero(gaps):
         missing.setdefault("", []).append((float(t[where] + Ts), float(t[where + 1] - Ts)))
     if resample:
         t, signals = _resample(t, signals, step)
-    elif jitter_notes:  # rounded stamps: the samples are uniform, only their stamps are not
-        t = t[0] + step * np.arange(t.size)
+    else:
+        t = _evened(t)
     return Uniform(t, signals, missing, tuple(notes))
+
+
+def _evened(t: FloatArray) -> FloatArray:
+    """Return stamps without the little jitter that their numbers' digits leave, as of days since the year 0."""
+    period = float(t[-1] - t[0]) / (t.size - 1)
+    if np.max(np.abs(np.diff(t) - period)) <= UNEVEN * period:
+        return t
+    even: FloatArray = t[0] + period * np.arange(t.size)
+    return even
+
+
+def _counted(t: FloatArray, Ts: float) -> tuple[FloatArray, list[str]]:
+    """Return stamps that a given sampling period makes, and a note where the file's own say otherwise."""
+    good = t[np.isfinite(t)]
+    own = float(good[-1] - good[0]) / (good.size - 1) if good.size > 1 else Ts
+    notes = []
+    if abs(own - Ts) > STRETCH * Ts:
+        alarm = "warning: " if abs(own - Ts) > 0.1 * Ts else ""
+        notes.append(f"{alarm}the sampling period is {Ts:g} s by rig.toml, {own:.6g} s by the time stamps")
+    counted: FloatArray = Ts * np.arange(t.size, dtype=np.float64)
+    return counted, notes
 
 
 def _clean_stamps(
     t: FloatArray, signals: dict[str, FloatArray], source: str
 ) -> tuple[FloatArray, dict[str, FloatArray], list[str]]:
-    """Drop samples without a stamp and samples whose stamp repeats; refuse stamps that run backwards."""
-    notes = []
-    good = np.isfinite(t)
+    """Return stamps that increase: without holes, rounding, restarts, repetitions and long gaps."""
+    notes: list[str] = []
+
+    def take(which: slice | BoolArray | npt.NDArray[np.intp]) -> None:
+        nonlocal t, signals
+        t, signals = t[which], {name: values[which] for name, values in signals.items()}
+
+    good = np.isfinite(t) & (np.abs(np.nan_to_num(t)) < LATEST)
     if not good.all():
         bad = int(np.sum(~good))
         if bad > MOST_MISSING * t.size:
@@ -105,18 +151,30 @@ def _clean_stamps(
                 "Export the log again with a time for every sample.",
             )
         notes.append(f"{bad} samples without a time stamp dropped")
-        t, signals = t[good], {name: values[good] for name, values in signals.items()}
-    step = np.diff(t)
-    if np.any(step < -SAME):
-        k = int(np.argmax(step < -SAME))
-        raise broken(
-            source,
-            "time",
-            "must increase",
-            f"{t[k + 1]:.6g} s after {t[k]:.6g} s at sample {k + 2}",
-            "Sort the samples by time, or split the file where a new run starts.",
-        )
-    fresh = np.r_[True, step > SAME]
+        take(good)
+    disorder = _disordered(t)
+    if disorder is not None:
+        notes.append(f"{disorder.size} samples out of order, sorted by time")
+        take(np.argsort(t, kind="stable"))
+    piece = _longest(t, np.diff(t) < -SAME)
+    if piece is not None:
+        first, last, count = piece
+        if count > MOST_PIECES:
+            k = int(np.argmax(np.diff(t) < -SAME))
+            raise broken(
+                source,
+                "time",
+                "must increase",
+                f"{t[k + 1]:.6g} s after {t[k]:.6g} s at sample {k + 2}, {count - 1} steps backwards in all",
+                "Sort the samples by time, or name the column that holds it.",
+            )
+        notes.append(f"the clock starts again: of {count} pieces the longest is read, samples {first + 1} to {last}")
+        take(slice(first, last))
+    straight = _straightened(t)
+    if straight is not None:
+        t, note = straight
+        return t, signals, [*notes, note]
+    fresh = np.r_[True, np.diff(t) > SAME]
     repeated = int(np.sum(~fresh))
     if repeated > MOST_REPEATED * t.size:
         raise broken(
@@ -124,12 +182,77 @@ def _clean_stamps(
             "time",
             "stamps must differ from sample to sample",
             f"{repeated} of {t.size} repeat",
-            "Export the time with more decimals.",
+            "Export the time with more decimals, or write the sampling period in rig.toml: [rig] sample_time = 0.001.",
         )
     if repeated:
         notes.append(f"{repeated} samples with a repeated time stamp dropped")
-        t, signals = t[fresh], {name: values[fresh] for name, values in signals.items()}
+        take(fresh)
+    Ts = float(np.median(np.diff(t))) if t.size > 1 else 0.0
+    step = np.diff(t)
+    if np.sum(step[step > GAP * Ts] - Ts) > LONGEST_GAPS:
+        piece = _longest(t, step > max(GAP * Ts, LONG_GAP))
+        if piece is not None and piece[2] <= MOST_PIECES:
+            first, last, count = piece
+            notes.append(
+                f"gaps of {float(np.sum(step[step > LONG_GAP])):.3g} s in time: of {count} pieces the longest is read, "
+                f"samples {first + 1} to {last}"
+            )
+            take(slice(first, last))
     return t, signals, notes
+
+
+def _disordered(t: FloatArray) -> npt.NDArray[np.intp] | None:
+    """Return the samples that come a little late, as from a network, or ``None`` where the order is another matter."""
+    back = np.flatnonzero(np.diff(t) < -SAME)
+    if not 0 < back.size <= MOST_DISORDERED * t.size:
+        return None
+    Ts = float(np.median(np.abs(np.diff(t))))
+    ordered = np.sort(t)
+    late = bool(np.all(t[back] - t[back + 1] < 10.0 * Ts)) and bool(np.all(np.diff(ordered) > SAME))
+    return back if late else None
+
+
+def _longest(t: FloatArray, broken_after: BoolArray) -> tuple[int, int, int] | None:
+    """Return the first sample of the longest piece, the one behind it, and the number of pieces; ``None`` for one piece."""
+    if not broken_after.any():
+        return None
+    edges = np.r_[0, np.flatnonzero(broken_after) + 1, t.size]
+    best = int(np.argmax(np.diff(edges)))
+    return int(edges[best]), int(edges[best + 1]), edges.size - 1
+
+
+def _straightened(t: FloatArray) -> tuple[FloatArray, str] | None:
+    """Return the instants of uniform samples whose stamps were rounded, or ``None`` where they are something else.
+
+    Rounding makes longer and shorter steps alternate regularly and keeps within half a decimal of a line, wherever one looks;
+    over a whole run a controller's clock may drift by some decimals. A lost sample does neither.
+    """
+    if t.size < FEWEST:
+        return None
+    step = np.diff(t)
+    Ts = float(np.median(step))
+    if float(np.max(np.abs(step - Ts))) <= JITTER * Ts:
+        return None
+    decimal = _resolution(t)
+    period = float(t[-1] - t[0]) / (t.size - 1)
+    spacing = np.diff(np.flatnonzero(np.abs(step - Ts) > 0.5 * decimal))
+    if not 0.0 < decimal <= COARSEST * period or spacing.size < FEWEST_STEPS:
+        return None
+    if np.max(spacing) > 1.5 * np.min(spacing) + 2:
+        return None
+    blocks = t[: t.size // BLOCK * BLOCK].reshape(-1, BLOCK) if t.size >= BLOCK else t[None]
+    if _off_line(blocks) > 0.55 * decimal or _off_line(t[None]) > DRIFT * decimal:
+        return None
+    note = f"time stamps rounded to {decimal:g} s, uniform at {period:.6g} s by span over samples"
+    return t[0] + period * np.arange(t.size), note
+
+
+def _off_line(t: FloatArray) -> float:
+    """Return by how much stamps miss the line through each row of them [s], ndarray, shape (rows, n)."""
+    count = np.arange(t.shape[1]) - 0.5 * (t.shape[1] - 1)
+    off = t - t.mean(axis=1, keepdims=True)
+    off -= (off @ count / (count @ count))[:, None] * count
+    return float(np.max(np.abs(off)))
 
 
 def _sample_time(t: FloatArray, source: str) -> float:
@@ -175,22 +298,20 @@ def _gaps(t: FloatArray, Ts: float, source: str) -> tuple[BoolArray, list[str]]:
     return gaps, [f"gaps in time, bridged and masked: {listing}"] if where.size else []
 
 
-def _regularity(t: FloatArray, Ts: float, gaps: BoolArray) -> tuple[float, bool, list[str]]:
+def _regularity(t: FloatArray, Ts: float, gaps: BoolArray, source: str) -> tuple[float, bool, list[str]]:
     """Return the grid step, whether the signals must be resampled onto it, and a note."""
     step = np.diff(t)[~gaps]
     jitter = float(np.max(np.abs(step - Ts))) / Ts
-    if jitter <= JITTER:
-        return Ts, bool(gaps.any()), []
-    mean = float(np.mean(step))
-    if not gaps.any():
-        slope, start = np.polyfit(np.arange(t.size), t, 1)
-        off = float(np.max(np.abs(t - start - slope * np.arange(t.size))))
-        # rounding moves a stamp by half of its last decimal, a sample taken early or late by any amount
-        if off <= 0.55 * _resolution(t):
-            note = f"time stamps rounded to {_resolution(t):g} s, uniform at {slope:.6g} s"
-            return float(slope), False, [note]
-    note = f"jitter of up to {jitter:.0%} of the sampling period, resampled to {mean:.6g} s"
-    return mean, True, [note]
+    mean = Ts if jitter <= JITTER else float(np.mean(step))
+    notes = (
+        [] if jitter <= JITTER else [f"jitter of up to {jitter:.0%} of the sampling period, resampled to {mean:.6g} s"]
+    )
+    resample = bool(gaps.any()) or jitter > JITTER
+    if resample and float(t[-1] - t[0]) / mean > MOST_INVENTED * t.size:
+        rule = "most samples must have been recorded, not interpolated"
+        got = f"{t.size} samples in {float(t[-1] - t[0]):.4g} s at {mean:.3g} s"
+        raise broken(source, "time", rule, got, "Write the sampling period in rig.toml: [rig] sample_time = 0.001.")
+    return mean, resample, notes
 
 
 def _resolution(t: FloatArray) -> float:

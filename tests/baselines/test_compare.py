@@ -29,6 +29,8 @@ from baselines.compare import (
     typical_effects,
     where_it_loses,
 )
+from baselines.controllers import design
+from baselines.margins import margins
 from baselines.report.compare_page import build_compare_page
 from baselines.report.teaching_page import build_teaching_page
 from baselines.rl.agents import Agent, save_agent
@@ -188,7 +190,7 @@ def test_sentences_and_pages_say_where_learning_loses(with_agents):
     why = " ".join(where_it_loses(with_agents, summaries, found))
     assert re.search(r"rl_x2 loses against lab4.*handout \(", why)
     assert "such an error is left where the carts stand" in why
-    assert re.search(r"Beside lab4, rl_x2 is worse in .*gain margin on the rig", why)
+    assert re.search(r"Beside lab4, rl_x2 is worse in .*gain margin with friction", why)
     assert "Its seeds differ on the identified drive" in why
     page = build_compare_page(with_agents)
     assert "Probability that rl_x2 is better" in page
@@ -200,9 +202,30 @@ def test_the_teaching_page_answers_with_a_learnt_last_column_and_small_pictures(
     page = build_teaching_page(with_agents)
     header = re.search(r"<th.*?</thead>", page[page.index('id="table"') :], re.DOTALL).group()
     assert re.findall(r"<th[^>]*>([^<]*)</th>", header)[-2:] == ["Lab 4", "RL (non_collocated-1)"]
-    gifs = [base64.b64decode(data) for data in re.findall(r"data:image/gif;base64,([^\"]*)", page)]
-    assert len(gifs) == 6
-    assert all(data.startswith(b"GIF89a") and len(data) < 400_000 for data in gifs)
+    # a loop that swings is never called stable without saying so, and every margin has its name
+    rows = {
+        cells[0]: cells[1:]
+        for row in re.findall(r"<tr>(.*?)</tr>", page[page.index('id="table"') :], re.DOTALL)
+        if (cells := re.findall(r"<td[^>]*>([^<]*)</td>", row))
+    }
+    assert "stable" not in rows
+    assert rows["linear loop"][:3] == ["stable", "unstable", "unstable"]
+    assert rows["simulated with friction"][1].startswith("swings ")
+    assert rows["simulated with friction"][2] == "grows"
+    lab4 = design("lab4", with_agents.drive)
+    assert float(rows["GM linear"][-2]) == pytest.approx(
+        margins(with_agents.drive, lab4.controller).gain_margin, rel=0.01
+    )
+    assert float(rows["GM with friction"][-2]) > 2.0 * float(rows["GM linear"][-2])
+    assert "simulated error of x2 in the dwells" in page
+    assert "measured error" not in page
+    moving = re.findall(r'<script type="text/plain">([^<]*)</script>', page)
+    assert len(moving) == 6
+    # ten pictures a second, both ends included
+    sizes = [(len(frames.split(" ")), len(frames)) for frames in moving]
+    assert all(count == round(10 * with_agents.duration) + 1 and size < 400_000 for count, size in sizes), sizes
+    assert all(base64.b64decode(frame).startswith(b"\x89PNG") for frame in moving[0].split(" "))
+    assert page.count('type="range"') == 6
 
 
 def test_a_reference_by_name_is_the_environments():

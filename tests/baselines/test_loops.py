@@ -11,7 +11,7 @@ from baselines.controllers.p_control import proportional
 from baselines.empirical_margins import empirical_margins
 from baselines.loops import closed_loop, is_stable, linear_part, loop_gain, loop_response, sampled_drive
 from baselines.margins import margins
-from flexdrive_gym import DEFAULT_DRIVE, Drive
+from flexdrive_gym import DEFAULT_DRIVE, Drive, PControl
 from flexdrive_gym.drive.linear_controller import run_batch
 from flexdrive_gym.references import handout_trajectory
 from tests.drive.drives import FRICTIONLESS, RIG
@@ -67,6 +67,12 @@ def test_p_control_reaches_its_limit_at_rouths_gain():
     assert 0.1 * found.gain_margin == pytest.approx(routh, rel=5e-3)
     assert is_stable(RIG_DRIVE, proportional(0.99 * 0.1 * found.gain_margin))
     assert not margins(RIG_DRIVE, proportional(1.01 * 0.1 * found.gain_margin)).stable
+
+
+def test_p_control_has_margins_and_a_black_box_has_none():
+    assert margins(DEFAULT_DRIVE, PControl(0.05)) == margins(DEFAULT_DRIVE, proportional(0.05, "x2"))
+    with pytest.raises(TypeError, match="must be a LinearController or PControl; got function"):
+        margins(DEFAULT_DRIVE, lambda seen: seen.xr)
 
 
 def test_margins_of_a_textbook_loop():

@@ -9,6 +9,7 @@ from baselines.controllers.p_control import proportional
 from baselines.empirical_margins import empirical_margins
 from baselines.margins import margins
 from baselines.policies import PolicyController, run_in_environment
+from baselines.running import run_many
 from flexdrive_gym import DEFAULT_DRIVE
 from flexdrive_gym.references import handout_trajectory
 
@@ -45,6 +46,21 @@ def test_on_the_rig_a_policy_sees_what_it_sees_in_its_environment(normalise):
     controller = PolicyController(policy, env.unwrapped.task)
     rig = DEFAULT_DRIVE.simulate_closed_loop(T, handout_trajectory(T), controller)
     assert np.max(np.abs(np.array(inside) - rig.x2[::5])) < 0.02
+
+
+def test_a_policy_that_answers_no_number_is_refused():
+    env = make()
+    controller = PolicyController(lambda _seen: np.array([np.nan]), env.unwrapped.task)
+    with pytest.raises(ValueError, match="policy: must return a finite action; got nan at t = 0 s"):
+        DEFAULT_DRIVE.simulate_closed_loop(T, handout_trajectory(T), controller)
+    with pytest.raises(ValueError, match="policy: must return a finite action"):
+        run_many(controller, [DEFAULT_DRIVE], handout_trajectory(T))
+    for road in (
+        lambda: run_in_environment(env, lambda _seen: float("nan")),
+        lambda: run_many(lambda _seen: float("nan"), [DEFAULT_DRIVE], handout_trajectory(T)),
+    ):
+        with pytest.raises(ValueError, match="controller: must return a finite command"):
+            road()
 
 
 def test_periods_must_fit():

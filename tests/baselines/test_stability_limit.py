@@ -34,7 +34,7 @@ def test_without_friction_the_simulated_limit_is_the_linear_one():
 def test_friction_raises_the_limit_and_the_sentence_says_so():
     limit = stability_limit(RIG_DRIVE, "x2")
     assert limit.critical_gain_simulated > 1.1 * limit.critical_gain_linear
-    assert "lifts the limit" in explain(RIG_DRIVE, limit)
+    assert "raises the limit" in explain(RIG_DRIVE, limit)
 
 
 def test_collocated_loop_has_no_limit_in_linear_theory():

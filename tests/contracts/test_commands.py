@@ -57,7 +57,7 @@ def folder(tmp_path_factory):
 def test_the_contract_names_every_command():
     assert set(COMMANDS) == {
         "demo", "identify", "validate", "stability", "experiment", "diagnose", "design", "train", "compare", "report",
-        "blind", "benchmark", "lab",
+        "blind", "benchmark", "check", "lab",
     }  # fmt: skip
 
 
@@ -105,6 +105,10 @@ def test_json_is_one_object(folder, command, arguments):
         assert found["x2"]["unit"] == "V/mm"
         assert found["x1"]["critical_gain_linear"] is None
         assert found["x2"]["critical_gain_simulated"] > found["x2"]["critical_gain_linear"]
+        for x in ("x1", "x2"):
+            # a drive.toml that nothing was identified for has no intervals, and knows of no recordings
+            assert found[x]["critical_gain_simulated_ci95"] is None
+            assert found[x]["extrapolated"] is None
     if command in {"stability", "design", "compare"}:
         page = (folder / "out" / f"{command}.html").read_text()
         assert not re.findall(r"""(?:src|href)=["'](?!data:|#)""", page)  # self-contained

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from flexdrive_gym import Covariance, Drive, Observation, PControl, Provenance, load_drive, save_drive
+from flexdrive_gym.drive.drive import Recorded
 from flexdrive_gym.references import handout_trajectory, square
 from tests.drive.drives import FRICTIONLESS, RIG
 
@@ -34,9 +35,11 @@ def test_toml_keeps_everything(tmp_path):
     drive = Drive(
         {**RIG, **SENSORS, "saturation.limit": 8.0, "input_delay.tau": 2e-3},
         intervals={"m1": (7.5e-4, 7.7e-4)},
-        covariance=Covariance(("m1", "b1"), np.array([[1e-12, 1e-13], [1e-13, 1e-8]])),
+        covariance=Covariance(("m1", "b1"), np.array([[1e-12, 1e-13], [1e-13, 1e-8]]), 9.0),
         provenance=Provenance("ml", ("square_a", "sine_b"), "0.1.0", "a note"),
         name="bench",
+        run_to_run=Covariance(("d1", "d2"), np.diag([0.04, 0.09])),
+        recorded=Recorded(2.5, 180.0, 20.0, 0.5, 20.0),
     )
     back = load_drive(save_drive(drive, tmp_path / "drive.toml"))
     assert dict(back.values) == dict(drive.values)
@@ -45,6 +48,10 @@ def test_toml_keeps_everything(tmp_path):
     assert back.name == drive.name
     assert back.covariance is not None
     assert np.array_equal(back.covariance.matrix, drive.covariance.matrix)
+    assert back.covariance.degrees == 9.0
+    assert (back.run_to_run.names, back.run_to_run.degrees) == (("d1", "d2"), np.inf)
+    assert np.array_equal(back.run_to_run.matrix, drive.run_to_run.matrix)
+    assert back.recorded == pickle.loads(pickle.dumps(drive)).recorded == drive.recorded
     assert 'unit = "V s²/mm"' in (tmp_path / "drive.toml").read_text()
 
 
@@ -54,6 +61,11 @@ def test_toml_keeps_everything(tmp_path):
         ("not toml =", "must be TOML"),
         ("schema = 9\n[parameters]\n", "schema = 1"),
         ('schema = 1\n[parameters]\nm1 = {value = 1.0, unit = "kg"}', "must be given in V s²/mm; got 'kg'"),
+        ('schema = 1\n[parameters]\nm1 = {value = 1.0, unit = "kg m²"}', r"J \[kg m²\] / \(torque per volt \[N m/V\]"),
+        (
+            'schema = 1\n[parameters]\nk = {value = 1.0, unit = "N/m"}',
+            r"k \[V/mm\] = stiffness \[N/m\] / \(force per volt",
+        ),
         ("schema = 1\n[parameters]\nmass = 1.0", "no parameter of the drive is called 'mass'"),
         ("schema = 1\n[parameters]\nm1 = {value = -1.0}", "m1: must lie in"),
     ],
@@ -113,6 +125,36 @@ def test_filtered_derivative_is_a_first_order_low_pass_of_the_raw_difference():
 def test_command_limit_acts_on_open_loop_drives():
     limited = Drive({**RIG, "saturation.limit": 1.0}).simulate(T, square(T, 3.0, 0.5))
     assert np.array_equal(limited.v1, Drive(RIG).simulate(T, square(T, 1.0, 0.5)).v1)
+
+
+@pytest.mark.parametrize(
+    ("answer", "error", "text"),
+    [
+        (float("nan"), ValueError, r"controller: must return a finite command \[V\]; got nan at t = 0.002 s"),
+        (float("inf"), ValueError, "controller: must return a finite command"),
+        (None, TypeError, r"controller: must return one number, the command \[V\]; got None"),
+    ],
+)
+def test_a_controller_that_answers_no_number_is_refused(answer, error, text):
+    t = np.arange(5) * 1e-3
+    with pytest.raises(error, match=text):
+        Drive(RIG).simulate_closed_loop(t, 0.0 * t, lambda seen: 1.0 if seen.t < 0.0015 else answer)
+
+
+def test_a_run_that_leaves_all_bounds_is_a_result():
+    t = np.arange(400) * 1e-3
+    wild = Drive({**RIG, "d1": 0.0, "d2": 0.0})
+    with np.errstate(over="ignore", invalid="ignore"):
+        run = wild.simulate_closed_loop(t, 0.0 * t + 1.0, lambda seen: -1e300 * (seen.xr - seen.x1))
+    assert run.n >= 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"), [((np.nan,), "gain: must be a finite"), ((1.0, "x3"), "feedback: must be")]
+)
+def test_p_control_checks_what_it_is_given(arguments, text):
+    with pytest.raises(ValueError, match=text):
+        PControl(*arguments)
 
 
 def test_compiled_p_control_equals_the_protocol():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import t as student
 
 from flexdrive_gym import Covariance, Drive, LinearController, PControl
 from flexdrive_gym.drive.linear_controller import run_batch
@@ -43,6 +44,46 @@ def test_called_and_compiled_agree():
     assert np.max(np.abs(compiled.u)) == pytest.approx(2.0)  # the limit is reached, so anti-windup acts
     assert np.max(np.abs(compiled.u - called.u)) < 1e-9
     assert np.max(np.abs(compiled.x2 - called.x2)) < 1e-9
+
+
+def test_a_transfer_function_is_made_discrete_by_tustins_rule():
+    own = LinearController.from_tf([0.5, 3.0], [0.02, 1.0], reads="x1", sample_time=2e-3, limit=5.0)
+    z = np.exp(1j * np.array([3.0, 40.0, 300.0]) * 2e-3)
+    s = 2.0 / 2e-3 * (z - 1.0) / (z + 1.0)
+    law = own.tf
+    assert law.input_labels == ["xr", "x1", "x2"]
+    assert law.output_labels == ["u"]
+    expected = (0.5 * s + 3.0) / (0.02 * s + 1.0)
+    assert law["u", "xr"](z) == pytest.approx(expected)
+    assert law["u", "x1"](z) == pytest.approx(-expected)
+    assert np.all(law["u", "x2"](z) == 0.0)
+    assert (own.reads, own.limit, own.order) == ("x1", 5.0, 1)
+
+
+def test_a_discrete_transfer_function_and_named_inputs_are_taken_as_they_are():
+    own = LinearController.from_tf([1.0, -0.5], [1.0, -0.9], domain="z")
+    z = np.exp(0.3j)
+    assert own.tf["u", "x2"](z) == pytest.approx(-(z - 0.5) / (z - 0.9))
+    two = LinearController.from_ss([[0.9]], [[1.0, 2.0]], [[0.5]], [[0.0, 3.0]], inputs=("x2", "xr"))
+    assert two.tf["u", "x2"](z) == pytest.approx(0.5 / (z - 0.9))
+    assert two.tf["u", "xr"](z) == pytest.approx(1.0 / (z - 0.9) + 3.0)
+    assert PControl(0.1).linear().tf["u", "xr"](z) == pytest.approx(0.1)
+    assert PControl(0.0).linear().order == 0
+
+
+@pytest.mark.parametrize(
+    ("numerator", "denominator", "keywords", "text"),
+    [
+        ([1.0, 0.0], [1.0], {}, "numerator: must not have a higher degree"),
+        ([np.nan], [1.0], {}, "numerator: must be finite coefficients"),
+        ([1.0], [0.0], {}, "denominator: must be finite coefficients in falling powers, not all 0"),
+        ([1.0], [1.0, 1.0], {"domain": "w"}, "domain: must be 's'"),
+        ([1.0], [1.0], {"reads": "x3"}, "inputs: must be among"),
+    ],
+)
+def test_odd_transfer_functions_are_named(numerator, denominator, keywords, text):
+    with pytest.raises(ValueError, match=text):
+        LinearController.from_tf(numerator, denominator, **keywords)
 
 
 def test_reset_forgets():
@@ -107,6 +148,30 @@ def test_drawn_drives_have_the_identified_spread():
     assert drawn[0]["m2"] == RIG["m2"]
     again = drive.draw(np.random.default_rng(3), 2)
     assert [d["k"] for d in again] == [d["k"] for d in drive.draw(np.random.default_rng(3), 2)]
+
+
+def test_few_degrees_of_freedom_widen_draws_as_students_t_does():
+    spread = Covariance(("k",), np.array([[(0.02 * RIG["k"]) ** 2]]), 6.0)
+    drawn = np.array([d["k"] for d in Drive(RIG, covariance=spread).draw(np.random.default_rng(0), 20000)])
+    low, high = np.quantile(drawn, [0.025, 0.975])
+    assert (high - low) / 2 == pytest.approx(student.ppf(0.975, 6) * 0.02 * RIG["k"], rel=0.05)
+
+
+def test_draws_have_the_friction_of_another_run():
+    drive = Drive(
+        RIG, covariance=Covariance(("m1",), np.array([[1e-12]])), run_to_run=Covariance(("d2",), np.array([[0.04]]))
+    )
+    logs = np.log([d["d2"] / RIG["d2"] for d in drive.draw(np.random.default_rng(0), 4000)])
+    assert np.std(logs) == pytest.approx(0.2, rel=0.05)
+    assert all(d.run_to_run is None for d in drive.draw(np.random.default_rng(0), 2))
+
+
+def test_a_negative_parameter_is_drawn_to_both_sides():
+    key = "hardening_spring.k3"
+    drive = Drive({**RIG, key: -1e-5}, covariance=Covariance((key,), np.array([[1e-12]])))
+    drawn = np.array([d[key] for d in drive.draw(np.random.default_rng(0), 500)])
+    assert drawn.mean() == pytest.approx(-1e-5, rel=0.02)
+    assert drawn.std() == pytest.approx(1e-6, rel=0.15)
 
 
 def test_a_drive_without_covariance_cannot_be_drawn():

@@ -6,6 +6,7 @@ import warnings
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -147,7 +148,7 @@ def test_spring_stroke_terminates():
     env = gymnasium.make(NON_COLLOCATED, stroke_limit=5.0)
     env.reset(seed=0)
     for _ in range(400):
-        terminated, info = (env.step(np.ones(1, np.float32))[i] for i in (2, 4))
+        _o, _r, terminated, _t, info = env.step(np.ones(1, np.float32))
         if terminated:
             break
     assert abs(info["x1"] - info["x2"]) > 5.0
@@ -197,6 +198,7 @@ def test_an_environment_is_the_drive_it_was_given_with_all_its_effects():
         "stribeck.cart_1.extra": 0.1, "presliding.cart_2.fd": 0.1, "hardening_spring.k3": 4e-5, "amplifier_lag.tau": 3e-3,
         "encoder_play.encoder_2.g": 0.2, "encoder_delay.encoder_1.tau": 2.5e-3, "friction_drift.cart_2.rate": 0.05,
         "input_offset.u0": 0.05, "extra_mode.mass_2": 4e-5, "spring_hysteresis.level": 0.05, "dead_zone.uz": 0.05,
+        "base_recoil.compliance": 0.01,
     }  # fmt: skip
     env = gymnasium.make(
         NON_COLLOCATED, effects=effects, control_period=1e-3, physics_step=1e-3, duration=1.0
@@ -267,6 +269,15 @@ def test_p_control_through_the_environment_has_the_simulated_critical_gain():
     ("arguments", "text"),
     [
         ({"drive": 3}, "drive: must be a Drive or the path"),
+        ({"drivee": 3}, "drivee: the environment has no such argument.*Did you mean 'drive'"),
+        ({"randomise": 3}, "randomise: must be a mapping from names to values; got 3"),
+        ({"randomise": {"m1": 3}}, "m1 must be \\(low, high\\)"),
+        ({"preview": 3}, "preview: must be a list of times ahead"),
+        ({"preview": "0.1"}, "preview: must be a list of times ahead"),
+        ({"reward": 3}, "reward: must be a mapping from names to values; got 3"),
+        ({"effects": [1]}, "effects: must be a mapping"),
+        ({"reference": "sine:amplitud=10"}, "reference: 'sine' has no keyword 'amplitud'"),
+        ({"reference": "sine:amplitude"}, "reference: must be name:keyword=number"),
         ({"control_period": -1.0}, "control_period: must be a positive number; got -1"),
         ({"control_period": 5e-3, "physics_step": 3e-3}, "physics_step: the control period must be a whole number"),
         ({"reference": "handoutt"}, "reference"),
@@ -286,6 +297,74 @@ def test_p_control_through_the_environment_has_the_simulated_critical_gain():
 def test_wrong_arguments_are_named(arguments, text):
     with pytest.raises((ValueError, TypeError), match=text):
         gymnasium.make(NON_COLLOCATED, **arguments)
+
+
+@pytest.mark.parametrize("bad", [[np.nan], np.array([np.inf]), float("nan"), [0.1, 0.2], ["u"], None])
+def test_an_action_that_is_no_number_is_refused_and_moves_nothing(bad):
+    env, twin = gymnasium.make(NON_COLLOCATED), gymnasium.make(NON_COLLOCATED)
+    env.reset(seed=0)
+    twin.reset(seed=0)
+    with pytest.raises(ValueError, match="action: must be"):
+        env.step(bad)
+    assert np.array_equal(env.step([0.5])[0], twin.step(0.5)[0])
+
+
+def test_steps_need_a_reset_before_and_after():
+    env = gymnasium.make(NON_COLLOCATED, duration=0.01).unwrapped
+    with pytest.raises(ResetNeeded, match="before the first step"):
+        env.step([0.0])
+    env.reset(seed=0)
+    assert [env.step([0.0])[3] for _ in range(2)] == [False, True]
+    for e in (env, pickle.loads(pickle.dumps(env))):
+        with pytest.raises(ResetNeeded, match="after the end of an episode"):
+            e.step([0.0])
+    env.reset()
+    env.step([0.0])
+
+
+def test_an_episode_starts_where_it_is_told():
+    env = gymnasium.make(IDS[2]).unwrapped
+    info = env.reset(seed=0, options={"x1": 10.0, "v2": 5.0})[1]
+    assert [info[k] for k in ("x1", "v1", "x2", "v2", "read_v2")] == [10.0, 0.0, 0.0, 5.0, 5.0]
+    assert info["read_x1"] == pytest.approx(10.0, abs=0.02)
+    assert env.reset(options={"state": (1.0, 2.0, 3.0, 4.0)})[1]["v2"] == 4.0
+    assert env.reset()[1]["x1"] == 0.0
+    # without friction a spring stretched by δ pulls cart 2 with k·δ: after 1 ms it is at ½·(k·δ/m2)·t²
+    free = {"d1": 0.0, "d2": 0.0, "b1": 0.0, "b2": 0.0, "C": 0.0}
+    env = gymnasium.make(IDS[2], drive=DEFAULT_DRIVE.replace(free), control_period=1e-3)
+    env.reset(seed=0, options={"x1": 10.0})
+    pulled = 0.5 * DEFAULT_DRIVE["k"] * 10.0 / DEFAULT_DRIVE["m2"] * 1e-6
+    assert env.step([0.0])[4]["x2"] == pytest.approx(pulled, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"x3": 1.0}, "options: must be among state, x1, v1, x2, v2; got 'x3'"),
+        ({"x1": "far"}, "options: x1 must be one finite number"),
+        ({"x1": 300.0, "x2": 300.0}, "options: x1 must be within the travel"),
+        ({"x1": 200.0}, "options: x1 - x2 must be within the spring's stroke"),
+        ({"state": (0.0, 1.0)}, "options: state must be four finite numbers"),
+        ({"state": (0.0, 0.0, 0.0, 0.0), "x1": 1.0}, "not both"),
+        (3, "options: must be a mapping"),
+    ],
+)
+def test_wrong_starts_are_named(options, text):
+    with pytest.raises((ValueError, TypeError), match=text):
+        gymnasium.make(NON_COLLOCATED).unwrapped.reset(options=options)
+
+
+def test_the_time_limit_is_in_the_spec():
+    env = gymnasium.make(NON_COLLOCATED, duration=10.0)
+    assert env.spec.max_episode_steps == 2000
+    assert isinstance(env, FlexDriveEnv)  # no wrapper cuts it
+    assert gymnasium.make(env.spec).spec.max_episode_steps == 2000
+
+
+def test_a_reference_with_keywords_may_be_one_text():
+    named = gymnasium.make(NON_COLLOCATED, reference=("sine", {"amplitude": 10.0, "frequency": 0.5}))
+    text = gymnasium.make(NON_COLLOCATED, reference="sine:amplitude=10:frequency=0.5")
+    assert np.array_equal(named.unwrapped.task.references, text.unwrapped.task.references)
 
 
 def test_unknown_render_mode_is_refused():

@@ -3,6 +3,7 @@
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 
 from flexdrive_gym import Drive
@@ -41,6 +42,7 @@ VARIANTS = {
             "amplifier_lag.tau": 0.003,
             "motor_gear_backlash.mass": 1e-4,
             "extra_mode.mass_2": 5e-5,
+            "base_recoil.compliance": 0.01,
             "stribeck.cart_1.extra": 0.1,
             "input_delay.tau": 0.0012,
         },
@@ -203,13 +205,88 @@ def test_actions_of_another_shape_or_kind():
         env.step(np.zeros((3, 1), np.float32))
 
 
-def test_stepping_past_the_time_limit_holds_the_last_reference():
-    env = batched(2, autoreset_mode="disabled", duration=0.05)
+def test_an_ended_episode_is_not_stepped_on_unless_it_is_reset():
+    env = batched(3, autoreset_mode="disabled", duration=0.05)
+    zero = np.zeros((3, 1), np.float32)
+    with pytest.raises(ResetNeeded, match="before the first step"):
+        env.step(zero)
     env.reset(seed=0)
-    for _ in range(30):
-        observation, _r, _t, truncated, _i = env.step(np.zeros((2, 1), np.float32))
-    assert truncated.all()
-    assert np.isfinite(observation).all()
+    for k in range(10):
+        truncated = env.step(zero)[3]
+        if k == 3:
+            env.reset(options={"reset_mask": np.array([False, True, False])})
+    assert truncated.tolist() == [True, False, True]
+    with pytest.raises(ResetNeeded, match="drive 0 must be reset after the end of its episode, and 1 more"):
+        env.step(zero)
+    env.reset(options={"reset_mask": truncated})
+    assert np.isfinite(env.step(zero)[0]).all()
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+@pytest.mark.parametrize("mode", ["next_step", "same_step"])
+def test_an_action_that_is_no_number_is_refused_and_moves_nothing(bad, mode):
+    env, twin = batched(140, autoreset_mode=mode), batched(140, autoreset_mode=mode)
+    env.reset(seed=0)
+    twin.reset(seed=0)
+    action = np.full((140, 1), 0.4, np.float32)
+    action[130] = bad
+    with pytest.raises(ValueError, match="action: must be a finite number.*for drive 130"):
+        env.step(action)
+    action[130] = 0.4
+    assert np.array_equal(env.step(action)[0], twin.step(action)[0])
+
+
+def test_threads_refuse_together():
+    env, twin = batched(2 * LEAST_PER_THREAD, threads=2), batched(2 * LEAST_PER_THREAD)
+    env.reset(seed=0)
+    twin.reset(seed=0)
+    action = np.full((2 * LEAST_PER_THREAD, 1), 0.4, np.float32)
+    action[-1], fine = np.nan, action.copy()
+    with pytest.raises(ValueError, match="action: must be a finite number"):
+        env.step(action)
+    assert np.array_equal(env.step(fine)[0], twin.step(fine)[0])
+
+
+def test_drives_start_where_they_are_told():
+    env = batched(3)
+    info = env.reset(seed=0, options={"x1": 10.0, "x2": 12.0, "v2": -3.0})[1]
+    assert [set(info[k]) for k in ("x1", "x2", "v1", "v2")] == [{10.0}, {12.0}, {0.0}, {-3.0}]
+    with pytest.raises(ValueError, match=r"got 'reset_maks'. Did you mean 'reset_mask'\?"):
+        env.reset(options={"reset_maks": np.ones(3, bool)})
+
+
+@pytest.mark.parametrize("mode", ["next_step", "same_step"])
+def test_drawn_parameters_are_told_when_an_episode_begins(mode):
+    env = batched(3, autoreset_mode=mode, randomise={"m1": (6e-4, 9e-4), "d1": (0.2, 0.5)}, duration=0.01)
+    first = env.reset(seed=0)[1]["parameters"]
+    single = gymnasium.make(ID, randomise={"m1": (6e-4, 9e-4), "d1": (0.2, 0.5)}).unwrapped
+    told = single.reset(seed=1)[1]["parameters"]
+    assert told == {"m1": pytest.approx(single.drive["m1"]), "d1": single.drive["d1"]}
+    assert {name: first[name][1] for name in told} == told
+    assert "parameters" not in env.step(np.zeros((3, 1), np.float32))[4]
+    zero = np.zeros((3, 1), np.float32)
+    info = env.step(zero)[4] if mode == "same_step" else [env.step(zero)[4] for _ in range(2)][1]
+    assert info["_parameters"].all()
+    assert np.all(info["parameters"]["d1"] != first["d1"])
+
+
+def test_a_batch_is_drawn_as_one_picture_per_drive():
+    pytest.importorskip("pygame", reason="needs the extra render")
+    env = batched(2, render_mode="rgb_array", duration=0.02)
+    with pytest.raises(ResetNeeded, match="render"):
+        env.render()
+    env.reset(seed=0)
+    first = env.render()
+    for _ in range(3):
+        env.step(np.array([[0.0], [1.0]], np.float32))
+    last = env.render()
+    assert [frame.shape for frame in last] == [(480, 960, 3)] * 2
+    assert not np.array_equal(first[1], last[1])
+    env.close()
+
+
+def test_the_time_limit_is_in_the_spec():
+    assert batched(2, duration=1.0).spec.max_episode_steps == 200
 
 
 def test_seeds_one_per_environment():
@@ -264,9 +341,12 @@ def test_memory_per_environment_is_small():
         ({"num_envs": 0}, "num_envs"),
         ({"num_envs": 2, "autoreset_mode": "later"}, "autoreset_mode: must be among"),
         ({"num_envs": 2, "threads": 0}, "threads: must be a whole number"),
-        ({"num_envs": 2, "render_mode": "human"}, "draws nothing"),
+        ({"num_envs": 2, "render_mode": "human"}, "render_mode: must be None or 'rgb_array' for a batch"),
+        ({"num_envs": 65, "render_mode": "rgb_array"}, "num_envs: at most 64 drives are drawn"),
+        ({"num_envs": 2, "max_episode_steps": 0}, "max_episode_steps: must be a whole number"),
+        ({"num_envs": 2, "thread": 2}, "Did you mean 'threads'"),
     ],
 )
 def test_wrong_arguments_are_named(arguments, text):
-    with pytest.raises(ValueError, match=text):
+    with pytest.raises((ValueError, TypeError), match=text):
         gymnasium.make_vec(ID, vectorization_mode="vector_entry_point", **arguments)

@@ -27,6 +27,7 @@ FURTHER = {
     "all at once": {
         "presliding.cart_1.fd": 0.1, "presliding.cart_2.fd": 0.1, "stribeck.cart_1.extra": 0.1, "tilt.F": 0.05,
         "extra_mode.mass_1": 5e-5, "spring_hysteresis.level": 0.1, "breakaway.cart_2.extra": 0.05,
+        "base_recoil.compliance": 0.01,
     },
 }  # fmt: skip
 

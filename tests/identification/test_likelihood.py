@@ -146,3 +146,9 @@ def test_freeing_the_ratios_cuts_the_error_on_the_real_rig(shared_recordings):
     runs = read_recordings(shared_recordings / "mte360_2022")
     free, tied = identify_by_likelihood(runs), identify_by_likelihood(runs, ties=HANDOUT_RATIOS)
     assert improvement(tied, free) > 0.75
+
+
+def test_a_quantity_has_one_interval_wherever_it_stands(fit):
+    for name, bounds in fit.drive.intervals.items():
+        assert fit.quantities[name].ci95 == pytest.approx(bounds, abs=0.0)
+    assert all(q.ci95 is None or q.ci95[0] >= 0.0 for q in (*fit.quantities.values(), *fit.ratios.values()))

@@ -90,3 +90,36 @@ def test_constant_channels_have_no_fit():
     fit = validate(Drive(RIG), [still]).fits()[0]
     assert np.isnan(fit.nrmse)
     assert fit.rms == 0.0
+
+
+def test_an_unknown_controller_is_replayed_over_short_windows():
+    rig = Drive({**RIG, **COUNTS, "saturation.limit": 8.0})
+    made = rig.simulate_closed_loop(T, handout_trajectory(T), PControl(0.1, "x2"), name="somebody's")
+    # the encoders were not zeroed, and the drive has more friction than the model knows
+    measured = replace(
+        made, x1=made.x1 + 40.0, x2=made.x2 - 3.0, v1=None, v2=None, excitation=Excitation("closed_loop", 25.0, 0.5)
+    )
+    result = validate(Drive(RIG), [measured])
+    assert {f.channel for f in result.fits()} == {"x1", "x2"}
+    assert all(f.rms < 0.1 for f in result.fits())
+    assert all(f.how.startswith("windows of 0.3") for f in result.fits())
+    assert "each begun in the measured state" in result.notes[0]
+    assert "nan" not in str(result)
+    assert "no velocity was recorded in open loop" in result.summary()
+    wrong = validate(Drive({**RIG, "k": 0.5 * RIG["k"]}), [measured])
+    assert all(w.rms > 3.0 * f.rms for w, f in zip(wrong.fits(), result.fits(), strict=True))
+
+
+def test_positions_alone_are_compared_as_positions():
+    made = Drive({**RIG, **COUNTS}).simulate(T, 2.0 * np.sign(np.sin(np.pi * T + 1e-9)))
+    measured = replace(made, x1=made.x1 + 7.0, v1=None, v2=None, excitation=Excitation("square", 2.0, 0.5))
+    fits = validate(Drive(RIG), [measured]).fits()
+    assert [f.channel for f in fits] == ["x1", "x2"]
+    assert all(f.rms < 0.1 for f in fits)
+
+
+def test_a_held_cart_is_left_out_of_validation():
+    day = lab_day(force=0.0)[:2]
+    result = validate(Drive(RIG), [day[0], replace(day[1], held=(2,))])
+    assert len(result.overlays) == 1
+    assert "held cart left out" in result.notes[0]

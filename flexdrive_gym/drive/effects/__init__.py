@@ -82,13 +82,14 @@ N_STATES = sum(len(item.states) * len(item.where) for item in EFFECTS)
 N_MEMORY = sum(item.memory * len(item.where) for item in EFFECTS)
 
 # The workspace of the variant with all effects: rows of states; where a replay anchors the carts; where and when the piece
-# began; additional forces on the carts; Coulomb levels that a run has besides the drive's; which chains have anything to do;
+# began; additional forces on the carts; Coulomb levels that a run has besides the drive's; the acceleration of the track that
+# goes with the accelerations found last; which chains have anything to do;
 # whether none of those has between events, and whether none has but those of forces on the carts; which hooks have anything to
 # do; memory.
-ANCHOR_1, ANCHOR_2, BEGIN_1, BEGIN_2, BEGIN_T, PUSH_1, PUSH_2, LEVEL_1, LEVEL_2 = (
-    ROWS * N_STATES + i for i in range(9)
+ANCHOR_1, ANCHOR_2, BEGIN_1, BEGIN_2, BEGIN_T, PUSH_1, PUSH_2, LEVEL_1, LEVEL_2, RECOIL = (
+    ROWS * N_STATES + i for i in range(10)
 )
-_FLAGS = ROWS * N_STATES + 9
+_FLAGS = ROWS * N_STATES + 10
 
 _ARGUMENTS: dict[str, str] = {
     # signature after the accumulated value
@@ -101,14 +102,15 @@ _ARGUMENTS: dict[str, str] = {
     "cart": "x, v, s, dx, t",
     "friction": "x, v, s, fs, t",
     "breakaway": "x, s, fs, t",
-    "rates": "x1, v1, x2, v2, u, t",
+    "track": "f, m",
+    "rates": "x1, v1, x2, v2, u, a, t",
     "begin": "v, v1, v2, u",
     "finish": "dx, s, u, dt",
     "reading": "x, v, t, h",
     "speed": "",
 }
 # sites whose hooks see what the effect remembers
-_REMEMBERING = {"actuator", "transmission", "spring", "cart", "rates", "begin", "finish", "reading"}
+_REMEMBERING = {"actuator", "transmission", "spring", "cart", "track", "rates", "begin", "finish", "reading"}
 # chains that exist once per place
 _PLACES: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("damping", "cart", "friction", "breakaway"), ("cart_1", "cart_2")),

@@ -21,7 +21,8 @@ site             signature                                        accumulates
 ``cart``         ``(f, x, v, s, dx, t, z, oz, p, o)``             smooth force on the cart besides all of these [V]
 ``friction``     ``(d, x, v, s, fs, t, p, o)``                    kinetic Coulomb level while sliding in direction s [V]
 ``breakaway``    ``(d, x, s, fs, t, p, o)``                       level to overcome from rest in direction s [V]
-``rates``        ``(w, x1, v1, x2, v2, u, t, z, oz, p, o)``       writes its states' rates to ``z[oz + w], ...``
+``track``        ``(a, f, m, z, oz, p, o)``                       acceleration of the track itself [mm/s²]
+``rates``        ``(w, x1, v1, x2, v2, u, a, t, z, oz, p, o)``    writes its states' rates to ``z[oz + w], ...``
 ``begin``        ``(w, v, v1, v2, u, z, oz, p, o)``               writes its states or memory at the start; returns w
 ``finish``       ``(w, dx, s, u, dt, z, oz, p, o)``               brings its memory to the end of a piece; returns w
 ``reading``      ``(y, x, v, t, h, z, oz, p, o)``                 what the encoder of that cart reports [mm]
@@ -32,6 +33,8 @@ site             signature                                        accumulates
 :func:`~flexdrive_gym.drive.kernels.run_open_loop`). ``s`` is the direction of sliding, 0 at rest. ``fs`` is the spring force [V],
 ``t`` the time since the start of the run [s], ``h`` the sample time [s]. ``dx`` and ``dt`` are the way and the time since the
 beginning of the smooth piece that is being integrated; the direction of sliding and the command are constant in a piece.
+``f`` is the force on the sliding carts [V], friction included, ``m`` the mass of those that stick [V s²/mm], ``a`` what the
+chain of ``track`` made of them: the carts' positions are relative to the track.
 
 What an effect remembers comes in two kinds, and ``z[oz]`` is the first of its own:
 
@@ -72,6 +75,7 @@ Site = Literal[
     "cart",
     "friction",
     "breakaway",
+    "track",
     "rates",
     "begin",
     "finish",

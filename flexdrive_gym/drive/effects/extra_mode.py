@@ -33,7 +33,7 @@ def _cart_2(f: float, x: float, v: float, s: float, dx: float, t: float, z: Any,
 
 
 def _rates(
-    w: int, x1: float, v1: float, x2: float, v2: float, u: float, t: float, z: Any, oz: int, p: Any, o: int
+    w: int, x1: float, v1: float, x2: float, v2: float, u: float, a: float, t: float, z: Any, oz: int, p: Any, o: int
 ) -> int:
     wa = 2.0 * np.pi * p[o + 2]
     if p[o] != 0.0:

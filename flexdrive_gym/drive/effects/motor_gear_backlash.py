@@ -45,7 +45,7 @@ def _transmission(u: float, v1: float, z: Any, oz: int, p: Any, o: int) -> float
 
 
 def _rates(
-    w: int, x1: float, v1: float, x2: float, v2: float, u: float, t: float, z: Any, oz: int, p: Any, o: int
+    w: int, x1: float, v1: float, x2: float, v2: float, u: float, a: float, t: float, z: Any, oz: int, p: Any, o: int
 ) -> int:
     if p[o] != 0.0:
         z[oz + w] = z[oz + 1] - v1

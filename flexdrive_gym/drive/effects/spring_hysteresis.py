@@ -22,7 +22,7 @@ def _spring(f: float, delta: float, rate: float, z: Any, oz: int, p: Any, o: int
 
 
 def _rates(
-    w: int, x1: float, v1: float, x2: float, v2: float, u: float, t: float, z: Any, oz: int, p: Any, o: int
+    w: int, x1: float, v1: float, x2: float, v2: float, u: float, a: float, t: float, z: Any, oz: int, p: Any, o: int
 ) -> int:
     if p[o] != 0.0:
         rate, zeta = v1 - v2, z[oz]

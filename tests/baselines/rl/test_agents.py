@@ -149,6 +149,13 @@ def test_a_file_that_unpacks_to_a_flood_is_refused(tmp_path):
         load_agent(tmp_path / "flood.npz")
 
 
+def test_an_agent_is_printed_in_a_line():
+    agent = find_agent("x2-0")
+    assert len(repr(agent)) < 200
+    assert "x2-0" in repr(agent)
+    assert len(repr(agent.controller())) < 1500
+
+
 def test_unknown_names_get_a_hint():
     with pytest.raises(ValueError, match="name: must be among"):
         find_agent("x2_0")

@@ -95,7 +95,7 @@ def test_a_kill_loses_no_more_than_what_came_after_the_last_checkpoint(tmp_path)
     # and Ctrl-C leaves a later one
     # what runs in the background of a shell ignores Ctrl-C, and so would its children
     handler = signal(SIGINT, default_int_handler)
-    run = subprocess.Popen([*command, "--resume"], cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    run = subprocess.Popen([*command[:6], "--resume"], cwd=tmp_path, stderr=subprocess.PIPE, text=True)
     signal(SIGINT, handler)
     before, deadline = checkpoint.stat().st_mtime_ns, time.monotonic() + 120.0
     while checkpoint.stat().st_mtime_ns == before and run.poll() is None and time.monotonic() < deadline:
@@ -122,8 +122,50 @@ def test_only_its_own_training_is_resumed(tmp_path):
         train(DEFAULT_DRIVE, SMALL, tmp_path)
     with pytest.raises(ValueError, match="it had seed 0, now 4"):
         train(DEFAULT_DRIVE, Plan(steps=SMALL.steps, envs=8, history=2, seed=4), tmp_path, resume=True)
+    with pytest.raises(ValueError, match="steps must be at least those done, 256; got 128"):
+        train(DEFAULT_DRIVE, Plan(steps=128, envs=8, history=2), tmp_path, resume=True)
     with pytest.raises(ValueError, match="not the one of the checkpoint"):
         train(DEFAULT_DRIVE.replace(k=0.09), SMALL, tmp_path, resume=True)
+
+
+def flexdrive(*arguments, cwd):
+    command = [sys.executable, "-m", "baselines.commands", "train", *map(str, arguments)]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+
+
+def test_the_command_takes_its_options_from_the_checkpoint(tmp_path):
+    drive = DEFAULT_DRIVE.replace(k=0.09)
+    small = Plan(feedback="x1", steps=3 * 32 * 8, envs=8, history=2, seed=5)
+
+    def interrupt(steps, _error):
+        if steps:
+            raise KeyboardInterrupt
+
+    whole = train(drive, small, tmp_path / "whole")
+    with pytest.raises(KeyboardInterrupt):
+        train(drive, small, tmp_path / "out", tell=interrupt)
+    refused = flexdrive("--resume", "-o", "out", "--seed", 4, cwd=tmp_path)
+    assert refused.returncode == 1
+    assert "it had --seed 5, and got --seed 4" in refused.stderr
+    resumed = flexdrive("--resume", "-o", "out", cwd=tmp_path)
+    assert resumed.returncode == 0, resumed.stderr
+    assert same(load_agent(tmp_path / "out" / "agent.npz"), whole.agent)
+    # a finished agent is not overwritten without asking
+    again = flexdrive("-o", "out", "--steps", 256, "--envs", 8, cwd=tmp_path)
+    assert again.returncode == 1
+    assert "holds a finished result, agent.npz" in again.stderr
+    assert same(load_agent(tmp_path / "out" / "agent.npz"), whole.agent)
+
+
+def test_a_resumed_training_may_take_more_steps(tmp_path):
+    def interrupt(steps, _error):
+        if steps:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train(DEFAULT_DRIVE, Plan(steps=512, envs=8, history=2), tmp_path, tell=interrupt)
+    more = Plan(steps=1024, envs=8, history=2)
+    assert train(DEFAULT_DRIVE, more, tmp_path, resume=True).agent.card["steps"] == 1024
 
 
 class Trap:

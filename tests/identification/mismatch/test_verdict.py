@@ -1,15 +1,27 @@
 """What a diagnosis says: JSON as its schema demands, sentences with name, place, size and doubt."""
 
+import dataclasses
 import json
 import math
 from importlib.resources import files
+from types import SimpleNamespace
 
 import jsonschema
 import pytest
 
 from baselines.report import words
+from baselines.report.diagnosis import _tiles, shown_recording
 from flexdrive_gym.recording import Fault
-from identification.mismatch.verdict import Estimate, Finding, Located, Named, Prediction, Unnamed, statement
+from identification.mismatch.verdict import (
+    Estimate,
+    Finding,
+    Located,
+    Named,
+    Prediction,
+    RecordingFit,
+    Unnamed,
+    statement,
+)
 from identification.quantities import Quantity
 from tests.identification.mismatch.lab import diagnosis
 
@@ -76,6 +88,32 @@ def test_the_verdict_in_words():
     assert "from 8 to 5 mm/s" in text
     assert "30% of the remaining squared error has no name" in text
     assert "No left-out physics" in words.verdict_sentences(diagnosis())[0]
+
+
+def fits(**errors):
+    """Held-out recordings by name, with their errors before and after."""
+    return tuple(RecordingFit(name, *pair, math.nan, True, "mm") for name, pair in errors.items())
+
+
+def test_what_got_worse_is_said_worst_first():
+    worse = dataclasses.replace(
+        FULL, per_recording=(*fits(a=(3.2, 13.1), b=(8.0, 7.0), c=(4.0, 4.1), d=(1.0, 1.2)),
+                             RecordingFit("learnt", 1.0, 9.0, math.nan, False, "mm/s"))
+    )  # fmt: skip
+    assert [f.recording for f in words.worsened(worse)] == ["a", "d"]
+    text = " ".join(words.verdict_sentences(worse))
+    assert "2 of 4 held-out recordings got worse: a (3.2 → 13.1 mm) and d (1 → 1.2 mm)." in text
+    tile = next(tile for tile in _tiles(worse) if "worse" in tile)
+    assert tile["number"] == "3.2 → 13.1"
+    assert not words.worse_sentences(FULL)
+
+
+def test_the_headline_picture_is_the_median_run():
+    shown = fits(a=(1.0, 9.0), b=(9.0, 1.0), c=(5.0, 4.0))
+    runs = [SimpleNamespace(name=name) for name in "abc"]
+    split = SimpleNamespace(prove=runs, loops=[], learn=[])
+    run, fit = shown_recording(SimpleNamespace(split=split, per_recording=shown))
+    assert (run.name, fit.recording) == ("c", "c")
 
 
 def test_ties_name_the_experiment():

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
+from flexdrive_gym.units import LAB, Units
 from identification.recordings import RecordingError
-from identification.recordings.checks import check_excitation, check_units
+from identification.recordings.checks import check_excitation, check_units, scale_warnings
 from tests.identification.recordings.logs import COUNT, TS, open_loop, speed, velocity_log
 
 T, U, X1, X2 = open_loop()
@@ -105,11 +106,47 @@ def test_missing_values_do_not_disturb_the_checks():
     check(v1=holes, x1=X1)
 
 
-def test_silent_command_is_refused():
+def test_a_silent_command_is_refused_only_where_nothing_moves():
     with pytest.raises(RecordingError, match="column u: the drive must be excited; got u is constant"):
-        check_excitation(np.zeros(100), "log.csv")
+        check_excitation(np.zeros(100), False, LAB, "log.csv")
+    assert "plucked by hand" in check_excitation(np.zeros(100), True, LAB, "log.csv")[0]
 
 
 def test_a_constant_command_is_a_step_worth_a_note():
-    assert check_excitation(np.full(100, 1.5), "log.csv") == ("u is constant at 1.5 V",)
-    assert check_excitation(U, "log.csv") == ()
+    assert check_excitation(np.full(100, 1.5), True, LAB, "log.csv") == ("u is constant at 1.5 V",)
+    assert check_excitation(U, True, LAB, "log.csv") == ()
+    torque = Units("rad", "N m", 10.0, 100.0)
+    assert check_excitation(np.full(100, 1.5), True, torque, "log.csv") == ("u is constant at 0.015 N m",)
+
+
+def warnings(quantum=None, units=LAB, **signals):
+    return scale_warnings({"u": U, **signals}, quantum or {}, TS, units)
+
+
+def test_a_run_of_the_rig_warns_of_nothing():
+    assert warnings({"x1": COUNT, "v1": COUNT / TS}, v1=V1, v2=V2, x1=X1, x2=X2) == ()
+    slow = velocity_log("sine", 2.5, 20.0, 1.0)
+    assert scale_warnings({"u": slow["u_V"], "v1": slow["v1_mm_s"]}, {}, TS) == ()
+
+
+@pytest.mark.parametrize(
+    ("signals", "said"),
+    [
+        ({"x1": 1e3 * X1}, "x1 moves in steps of 4.66 mm: are these an encoder's counts"),
+        ({"x1": 1e-3 * X1}, "the carts move at"),
+        ({"x1": X1, "x2": 1e-3 * X2}, "are x1 and x2 in the same unit"),
+        ({"v1": 1e-3 * V1}, "slow for a laboratory drive"),
+        ({"v1": 1e3 * V1}, "fast for a laboratory drive"),
+        ({"u": 1e-3 * U, "v1": V1}, "is u in another unit than V"),
+    ],
+)
+def test_what_is_a_thousand_times_off_is_warned_of(signals, said):
+    quantum = {name: COUNT * abs(np.ptp(values) / np.ptp(X1)) for name, values in signals.items() if name[0] == "x"}
+    found = warnings(quantum, **signals)
+    assert any(said in text and text.startswith("warning: ") for text in found)
+
+
+def test_bounds_of_the_lab_do_not_hold_for_a_rig_with_units_of_its_own():
+    torque = Units("rad", "N m", 1.0, 100.0)
+    check_units({"u": 200.0 * U, "x1": 1e3 * X1}, {}, TS, "log.csv", torque)
+    assert warnings({"x1": 0.5}, torque, x1=X1) == ()

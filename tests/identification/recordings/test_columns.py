@@ -1,12 +1,7 @@
 import pytest
 
 from identification.recordings import RecordingError
-from identification.recordings.columns import (
-    assign_columns,
-    only_reference,
-    recognise_column,
-    require_columns,
-)
+from identification.recordings.columns import conversion, read_label, recognise_column
 
 
 @pytest.mark.parametrize(
@@ -54,7 +49,7 @@ def test_names_and_units_that_labs_use(label, signal, factor):
     assert (column.signal, column.factor) == (signal, factor)
 
 
-@pytest.mark.parametrize("label", ["speed_ticks_s", "y_V", "v", "x3", "temperature [C]", "", "flag"])
+@pytest.mark.parametrize("label", ["y_V", "v", "x3", "temperature [C]", "", "flag"])
 def test_other_names_are_unknown(label):
     assert recognise_column(label) is None
 
@@ -69,44 +64,55 @@ def test_unknown_unit_of_a_known_signal_is_refused():
         recognise_column("v1 [ticks/s]", "log.csv")
 
 
-def test_a_signal_that_is_missing_but_for_its_unit_is_named():
-    labels = ["t_s", "u_V", "v1_furlong_s"]
-    columns, _ = assign_columns(labels, "log.csv")
-    with pytest.raises(RecordingError, match=r"column v1_furlong_s: the unit .* velocity, .* got furlong_s"):
-        require_columns(columns.values(), labels, "log.csv")
+@pytest.mark.parametrize(
+    ("label", "signal", "origin", "factor"),
+    [
+        ("t_exp", "t", "measured", 1.0),
+        ("uexp", "u", "measured", 1.0),
+        ("x1exp [mm]", "x1", "measured", 1.0),
+        ("v1_raw", "v1", "measured", 1.0),
+        ("x2_meas_m", "x2", "measured", 1000.0),
+        ("Measured Position [mm]", "x1", "measured", 1.0),
+        ("v1_filt", "v1", "filtered", 1.0),
+        ("v2_mm_s_filtered", "v2", "filtered", 1.0),
+        ("ScopeData_v1_filt", "v1", "filtered", 1.0),
+        ("ScopeData_x2", "x2", "plain", 1.0),
+        ("x1_sim", "x1", "simulated", 1.0),
+        ("sim_x1", "x1", "simulated", 1.0),
+        ("v2 model", "v2", "simulated", 1.0),
+        ("Encoder 1 Pos", "x1", "plain", 1.0),
+        ("enc2", "x2", "plain", 1.0),
+        ("Control Effort", "u", "plain", 1.0),
+    ],
+)
+def test_words_that_say_whence_a_signal_comes(label, signal, origin, factor):
+    column = read_label(label)
+    assert column is not None
+    assert (column.signal, column.origin, column.factor) == (signal, origin, factor)
 
 
-def test_two_columns_of_one_signal_are_refused():
-    with pytest.raises(RecordingError, match="column position1: each signal may appear once; got x1_mm and"):
-        assign_columns(["t", "u", "x1_mm", "position1"], "log.csv")
-
-
-def test_unknown_columns_are_named_in_a_note():
-    columns, notes = assign_columns(["t", "flag", "u", "v1", "gain"], "log.csv")
-    assert [column.signal for column in columns.values()] == ["t", "u", "v1"]
-    assert list(columns) == [0, 2, 3]
-    assert notes == ("columns ignored: flag, gain",)
+@pytest.mark.parametrize("label", ["test", "temp", "timeout", "exp", "data", "simout", "x1exp2", "raw"])
+def test_words_that_only_look_like_that(label):
+    assert read_label(label) is None
 
 
 @pytest.mark.parametrize(
-    ("labels", "missing"),
+    ("label", "wanted", "factor"),
     [
-        (["u", "v1"], "must contain time"),
-        (["t", "v1"], "must contain the command"),
-        (["t", "u", "flow_l_s"], "must contain at least one of x1, x2, v1, v2; got columns t, u, flow_l"),
+        ("x1 [deg]", "rad", 3.141592653589793 / 180.0),
+        ("pos_deg", "deg", 1.0),
+        ("v1 [rpm]", "rad/s", 3.141592653589793 / 30.0),
+        ("x1_m", "mm", 1000.0),
+        ("x1", "rad", 1.0),
+        ("u [mN m]", "N m", 1e-3),
+        ("x1 [deg]", "mm", None),
     ],
 )
-def test_time_command_and_a_measurement_are_required(labels, missing):
-    columns, _ = assign_columns(labels, "log.csv")
-    with pytest.raises(RecordingError, match=missing):
-        require_columns(columns.values(), labels, "log.csv")
+def test_a_unit_is_converted_to_the_rigs_where_both_measure_the_same(label, wanted, factor):
+    found = conversion(read_label(label), wanted)
+    assert found == (None if factor is None else pytest.approx(factor))
 
 
-def test_a_near_name_is_suggested():
-    with pytest.raises(RecordingError, match="Is xl_mm meant"):
-        require_columns(assign_columns(["t", "u", "xl_mm"], "a")[0].values(), ["t", "u", "xl_mm"], "a")
-
-
-def test_time_and_reference_alone_are_a_trajectory():
-    assert only_reference(assign_columns(["t_s", "xr_mm", "flag"], "a")[0].values())
-    assert not only_reference(assign_columns(["t_s", "u", "xr_mm"], "a")[0].values())
+def test_a_foreign_unit_says_what_to_write():
+    with pytest.raises(RecordingError, match=r"got rad. .* rig.toml .*: \[units\] x1 = \{ unit = \"rad\" \}"):
+        recognise_column("x1_rad", "log.csv")

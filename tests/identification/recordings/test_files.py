@@ -1,9 +1,12 @@
 import gzip
+import importlib.util
+from datetime import datetime
 
 import numpy as np
 import pytest
 
 from identification.recordings import RecordingError
+from identification.recordings.errors import NotARecordingError
 from identification.recordings.files import read_table
 from tests.identification.recordings.logs import csv_text, velocity_log, write_csv
 
@@ -65,10 +68,128 @@ def test_trailing_separators_make_no_column(tmp_path):
     assert read_table(tmp_path / "a.csv").labels == ("t", "u", "v1")
 
 
-def test_headerless_file_names_the_remedy(tmp_path):
+def test_without_a_header_the_columns_have_numbers(tmp_path):
     (tmp_path / "a.csv").write_text("0,1.5,0\n0.001,1.5,4.6592\n")
-    with pytest.raises(RecordingError, match=r"a.csv: header: .* name the columns; got '0,1.5,0'. Add a header"):
-        read_table(tmp_path / "a.csv")
+    table = read_table(tmp_path / "a.csv")
+    assert table.labels == ("1", "2", "3")
+    assert table.hints == ("no header, the first line is '0,1.5,0'",)
+    np.testing.assert_array_equal(table.values[2], [0.0, 4.6592])
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.txt", "a.dat", "a.TSV", "a.log", "a.asc", "a.txt.gz", "a.dat.gz"])
+def test_every_extension_of_text(tmp_path, log, name):
+    text = csv_text(log, "\t").encode()
+    (tmp_path / name).write_bytes(gzip.compress(text) if name.endswith(".gz") else text)
+    check(read_table(tmp_path / name), log)
+
+
+@pytest.mark.parametrize(
+    ("head", "separator", "comma"),
+    [
+        ("t_s u_V v1_mm_s v2_mm_s", " ", False),
+        ("  t_s    u_V   v1_mm_s  v2_mm_s", "    ", False),
+        ("t_s u_V v1_mm_s v2_mm_s", "  ", True),
+        ("t_s\tu_V\tv1_mm_s\tv2_mm_s\t", "\t", True),
+        ("t_s;u_V;v1_mm_s;v2_mm_s;", ";", True),
+        ("Rig 3\nrecorded by group 7, Monday\n\nt_s,u_V,v1_mm_s,v2_mm_s", ",", False),
+        ("# Rig 3; gain 0.5\n# t_s, u_V, v1_mm_s, v2_mm_s", ",", False),
+    ],
+)
+def test_dialects(tmp_path, log, head, separator, comma):
+    _, *rows = csv_text(log, separator).splitlines()
+    end = separator if head.endswith((";", "\t")) else ""
+    text = "\n".join([head, *((row.replace(".", ",") if comma else row) + end for row in rows)])
+    (tmp_path / "a.txt").write_text(text)
+    check(read_table(tmp_path / "a.txt"), log)
+
+
+def test_decimal_comma_in_quotes(tmp_path, log):
+    head, *rows = csv_text(log, ";").splitlines()
+    quoted = [
+        ",".join(f'"{cell.replace(".", ",")}"' if "." in cell else f'"{cell},0"' for cell in row.split(";"))
+        for row in rows
+    ]
+    (tmp_path / "a.csv").write_text("\n".join([head.replace(";", ","), *quoted]))
+    check(read_table(tmp_path / "a.csv"), log)
+
+
+@pytest.mark.parametrize("units", ["s,V,mm/s,mm/s", "[s],[V],[mm/s],[mm/s]"])
+def test_units_on_a_line_of_their_own(tmp_path, log, units):
+    _, *rows = csv_text(log).splitlines()
+    (tmp_path / "a.csv").write_text("\n".join(["t,u,v1,v2", units, *rows]))
+    assert read_table(tmp_path / "a.csv").labels == ("t [s]", "u [V]", "v1 [mm/s]", "v2 [mm/s]")
+
+
+def test_a_matlab_matrix_as_text(tmp_path, log):
+    rows = np.column_stack(list(log.values()))
+    lines = [" ".join(f"{cell:.6f}" for cell in row) for row in rows]
+    head = "Sample time  Command  Speed 1  Speed 2\n"
+    for name, text in (
+        ("a.txt", head + "\n".join(f"[ {line} ;" if k == 0 else f"{line} ;" for k, line in enumerate(lines)) + " ]"),
+        ("b.txt", "data = [" + "; ".join(lines) + "];"),
+    ):
+        (tmp_path / name).write_text(text)
+        table = read_table(tmp_path / name)
+        for found, wanted in zip(table.values, log.values(), strict=True):
+            np.testing.assert_allclose(found, wanted, atol=1e-4)
+    assert read_table(tmp_path / "a.txt").labels[1:] == ("Command", "Speed 1", "Speed 2")
+
+
+def test_a_header_that_a_restarted_log_repeats_is_dropped(tmp_path, log):
+    head, *rows = csv_text(log).splitlines()
+    (tmp_path / "a.csv").write_text("\n".join([head, *rows[:7], head, *rows[7:]]))
+    check(read_table(tmp_path / "a.csv"), log)
+
+
+def test_dates_as_time(tmp_path):
+    stamps = [f"2025-11-20T11:21:24.{k:03d}" for k in range(5)]
+    (tmp_path / "a.csv").write_text("time,u,v1\n" + "".join(f"{stamp},1.5,{k}\n" for k, stamp in enumerate(stamps)))
+    t = read_table(tmp_path / "a.csv").values[0]
+    np.testing.assert_allclose(t - t[0], 1e-3 * np.arange(5), atol=1e-6)
+    assert t[0] == pytest.approx(1763637684.0)
+    (tmp_path / "b.csv").write_text("time;u;v1\n11:21:24,000;1,5;0\n11:21:24,001;1,5;1\n")
+    t = read_table(tmp_path / "b.csv").values[0]
+    assert t[1] - t[0] == pytest.approx(1e-3)
+
+
+@pytest.mark.parametrize(
+    "text", ["This folder holds the runs of group 7.\nAsk Kim.\n", "Gains tried: 0.05, 0.1\n2 of them failed\n"]
+)
+def test_notes_are_no_recording(tmp_path, text):
+    (tmp_path / "README.txt").write_text(text)
+    with pytest.raises(
+        NotARecordingError, match=r"README.txt: file: must hold columns of numbers; got '.*'. Leave it out."
+    ):
+        read_table(tmp_path / "README.txt")
+
+
+def test_binary_data_called_text(tmp_path):
+    (tmp_path / "a.dat").write_bytes(bytes(range(256)) * 8)
+    with pytest.raises(NotARecordingError, match="must be text; got bytes of value 0"):
+        read_table(tmp_path / "a.dat")
+
+
+def test_a_date_in_the_name(tmp_path, log):
+    for name, date in (
+        ("07-Feb-2025 09_20_49.txt", datetime(2025, 2, 7, 9, 20, 49)),
+        ("run_2025-11-20_11-21.csv", datetime(2025, 11, 20, 11, 21)),
+        ("20251120_112124.csv", datetime(2025, 11, 20, 11, 21, 24)),
+        ("sine_2.5V_12.0Hz.csv", None),
+        ("case_20259999_1.csv", None),
+    ):
+        assert read_table(write_csv(tmp_path / name, log)).recorded == date
+
+
+def test_parquet_needs_its_package(tmp_path):
+    pandas = pytest.importorskip("pandas")
+    path = tmp_path / "a.parquet"
+    path.write_bytes(b"PAR1")
+    if importlib.util.find_spec("pyarrow") or importlib.util.find_spec("fastparquet"):
+        pandas.DataFrame({"t_s": [0.0, 1.0], "u_V": [1.0, 2.0]}).to_parquet(path)
+        assert read_table(path).labels == ("t_s", "u_V")
+    else:
+        with pytest.raises(RecordingError, match=r"needs the package pyarrow .*pip install pyarrow"):
+            read_table(path)
 
 
 @pytest.mark.parametrize("text", ["", "\n\n", "# only a comment\n"])
@@ -85,8 +206,8 @@ def test_header_without_samples(tmp_path):
 
 
 def test_text_in_a_column_names_column_and_sample(tmp_path):
-    (tmp_path / "a.csv").write_text("t,u,v1\ns,V,mm/s\n0,1,2\n")
-    with pytest.raises(RecordingError, match="column t: must hold numbers; got 's' at sample 1. Remove that line"):
+    (tmp_path / "a.csv").write_text("t,u,v1\n0,1,2\n1,oops,2\n")
+    with pytest.raises(RecordingError, match="column u: must hold numbers; got 'oops' at sample 2. Remove that line"):
         read_table(tmp_path / "a.csv")
 
 

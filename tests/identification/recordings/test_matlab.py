@@ -1,3 +1,6 @@
+import struct
+from datetime import datetime
+
 import h5py
 import numpy as np
 import pytest
@@ -5,6 +8,8 @@ import scipy.io
 
 from identification.recordings import RecordingError
 from identification.recordings.files import read_table
+from identification.recordings.rig import Rig, parse_rig
+from identification.recordings.roles import find_roles
 from tests.identification.recordings.logs import sine, time
 
 T = time(0.3)
@@ -26,13 +31,16 @@ def structs(*entries):
     return array
 
 
-def read(path, labels=("t_s", "u", "v1"), values=(T, U, V)):
-    table = read_table(path)
-    found = dict(zip(table.labels, table.values, strict=True))
-    assert set(found) == set(labels)
-    for label, wanted in zip(labels, values, strict=True):
-        np.testing.assert_allclose(found[label], wanted, atol=1e-12)
-    return table
+def roles(path, rig=""):
+    return find_roles(read_table(path), parse_rig(rig) if rig else Rig(), path.name)
+
+
+def read(path, names=("t", "u", "v1"), values=(T, U, V), rig=""):
+    found = roles(path, rig)
+    assert set(found.signals) == set(names)
+    for name, wanted in zip(names, values, strict=True):
+        np.testing.assert_allclose(found.signals[name], wanted, atol=1e-12)
+    return found
 
 
 @pytest.mark.parametrize("version", ["4", "5"])
@@ -60,7 +68,7 @@ def test_structures_with_time_named_by_their_variable_or_block(tmp_path):
     one = {"time": T, "signals": {"values": U, "label": "", "blockName": "model/To Workspace"}}
     two = {"time": T, "signals": structs({"values": V, "label": "", "blockName": "model/v1"})}
     scipy.io.savemat(tmp_path / "a.mat", {"u": one, "out": two})
-    read(tmp_path / "a.mat", ("t_s", "u", "v1"))
+    read(tmp_path / "a.mat")
 
 
 def test_vector_signal_labelled_with_commas(tmp_path):
@@ -69,17 +77,18 @@ def test_vector_signal_labelled_with_commas(tmp_path):
     read(tmp_path / "a.mat")
 
 
-def test_vector_signal_without_names(tmp_path):
+def test_vector_signal_without_names_has_them_by_number(tmp_path):
     signals = {"values": np.column_stack([U, V]), "label": "mux"}
     scipy.io.savemat(tmp_path / "a.mat", {"S": {"time": T, "signals": signals}})
-    with pytest.raises(RecordingError, match=r"signal mux: each column .* needs a name; got shape \(301, 2\)"):
-        read_table(tmp_path / "a.mat")
+    with pytest.raises(RecordingError, match=r"must contain the command; got columns S:1, S:2.*'S:2'"):
+        roles(tmp_path / "a.mat")
+    read(tmp_path / "a.mat", rig='[columns]\nu = "S:1"\nv1 = "S(:,2)"')
 
 
-def test_structure_without_time(tmp_path):
-    scipy.io.savemat(tmp_path / "a.mat", {"S": {"time": [], "signals": {"values": U, "label": "u"}}})
-    with pytest.raises(RecordingError, match="struct S: its time must be a vector.*'Structure With Time'"):
-        read_table(tmp_path / "a.mat")
+def test_structure_without_time_takes_the_clock_of_its_length(tmp_path):
+    scope = {"time": [], "signals": {"values": U, "label": "u"}}
+    scipy.io.savemat(tmp_path / "a.mat", {"S": scope, "t": T, "t2": T[:200], "v1": V})
+    read(tmp_path / "a.mat")
 
 
 def test_timeseries_structs(tmp_path):
@@ -93,16 +102,15 @@ def test_signals_of_different_rates_are_joined_on_the_commands_time(tmp_path):
     ramp = {"Time": slow, "Data": 3.0 * slow, "Name": "x1"}
     scipy.io.savemat(tmp_path / "a.mat", {"b": ramp, "a": {"Time": T, "Data": U, "Name": "u"}})
     inside = slow[-1] >= T
-    table = read(tmp_path / "a.mat", ("t_s", "u", "x1"), (T[inside], U[inside], 3.0 * T[inside]))
-    assert table.notes == ("1 signals joined on one time base",)
+    found = read(tmp_path / "a.mat", ("t", "u", "x1"), (T[inside], U[inside], 3.0 * T[inside]))
+    assert found.notes == ("1 signals joined on one time base",)
 
 
 def test_a_reference_of_another_rate_is_held(tmp_path):
     slow = T[::100]
     steps = {"Time": slow, "Data": np.arange(slow.size), "Name": "xr"}
-    scipy.io.savemat(tmp_path / "a.mat", {"r": steps, "a": {"Time": T, "Data": U, "Name": "u"}})
-    table = read_table(tmp_path / "a.mat")
-    held = dict(zip(table.labels, table.values, strict=True))["xr"]
+    scipy.io.savemat(tmp_path / "a.mat", {"r": steps, "a": {"Time": T, "Data": U, "Name": "u"}, "v1": V})
+    held = roles(tmp_path / "a.mat").signals["xr"]
     assert set(held) == {0.0, 1.0, 2.0, 3.0}
     assert held[99] == 0.0
     assert held[100] == 1.0
@@ -112,7 +120,7 @@ def test_signals_of_different_runs_are_refused(tmp_path):
     late = {"Time": T + 9.0, "Data": V, "Name": "v1"}
     scipy.io.savemat(tmp_path / "a.mat", {"b": late, "a": {"Time": T, "Data": U, "Name": "u"}})
     with pytest.raises(RecordingError, match="all signals must cover a common span"):
-        read_table(tmp_path / "a.mat")
+        roles(tmp_path / "a.mat")
 
 
 @pytest.mark.parametrize("labels", [cells("t", "u", "v1"), np.array(["t", "u", "v1"])], ids=["cell", "char"])
@@ -123,13 +131,98 @@ def test_array_with_names_beside_it(tmp_path, labels):
 
 def test_array_without_names(tmp_path):
     scipy.io.savemat(tmp_path / "a.mat", {"out": np.column_stack([T, U, V])})
-    with pytest.raises(RecordingError, match=r"matrix out: .* no list of 3 names. Save a cell array"):
-        read_table(tmp_path / "a.mat")
+    with pytest.raises(
+        RecordingError, match=r"must contain time; got columns out:1, .*rig.toml calls the second of out 'out:2'"
+    ):
+        roles(tmp_path / "a.mat")
+    for written in ("out:{}", "out({})", "out(:,{})"):
+        columns = "".join(f'{role} = "{written.format(k)}"\n' for k, role in enumerate(("t", "u", "v1"), 1))
+        read(tmp_path / "a.mat", rig="[columns]\n" + columns)
 
 
-def test_a_matrix_beside_complete_vectors_is_something_else(tmp_path):
-    scipy.io.savemat(tmp_path / "a.mat", {"t": T, "u": U, "v1": V, "A": np.eye(4)})
+def test_what_nobody_needs_is_passed_over(tmp_path):
+    other = {
+        "A": np.eye(4),
+        "poles": np.array([1 + 2j, 1 - 2j]),
+        "gains": {"Kp": 3.0},
+        "G": np.ones((30, 4)),
+        "none": [],
+    }
+    scipy.io.savemat(tmp_path / "a.mat", {"t": T, "u": U, "v1": V, **other})
     read(tmp_path / "a.mat")
+
+
+def test_to_workspace_arrays_pair_each_value_with_its_time(tmp_path):
+    log = {"uexp": np.column_stack([T, U]), "v1exp": np.column_stack([T, V])}
+    copies = {"u": 2.0 * U[:200], "v1": 2.0 * V[:200], "t": T[:200]}
+    scipy.io.savemat(tmp_path / "a.mat", {**log, **copies})
+    read(tmp_path / "a.mat")
+
+
+def test_several_clocks_are_told_apart_by_length(tmp_path):
+    reference = {"t": T[:150], "s": np.linspace(0.0, 1.0, 150)}
+    scipy.io.savemat(tmp_path / "a.mat", {**reference, "t_exp": T, "u": U, "v1": V})
+    assert "several clocks: the command's is t_exp" in read(tmp_path / "a.mat").notes
+
+
+def test_clocks_of_equal_length_are_told_apart_by_name(tmp_path):
+    late = T + 0.1
+    both = {"t": late, "t_exp": T, "u_exp": U, "v1_exp": V, "v1": -V, "u": -U}
+    scipy.io.savemat(tmp_path / "a.mat", both)
+    read(tmp_path / "a.mat")
+    scipy.io.savemat(tmp_path / "b.mat", {"t": late, "time": T, "u": U, "v1": V})
+    with pytest.raises(RecordingError, match=r"time: each signal must have one clock; .*t and time.*\[columns\] t = "):
+        roles(tmp_path / "b.mat")
+    read(tmp_path / "b.mat", rig='[columns]\nt = "time"')
+
+
+def test_measured_raw_signals_come_first_and_simulated_copies_never(tmp_path):
+    several = {"v1": V, "v1_filt": 0.9 * V, "v1_sim": 0.8 * V, "u": U, "t": T}
+    scipy.io.savemat(tmp_path / "a.mat", several)
+    read(tmp_path / "a.mat")
+    scipy.io.savemat(tmp_path / "b.mat", {key: several[key] for key in ("t", "u", "v1_filt", "v1_sim")})
+    found = read(tmp_path / "b.mat", values=(T, U, 0.9 * V))
+    assert found.filtered == ("v1",)
+    assert "v1 is filtered (v1_filt): no raw one is in the file" in found.notes
+    scipy.io.savemat(tmp_path / "c.mat", {key: several[key] for key in ("t", "u", "v1_sim")})
+    with pytest.raises(RecordingError, match="must contain at least one of x1, x2, v1, v2"):
+        roles(tmp_path / "c.mat")
+
+
+def test_a_scope_that_repeats_a_vector_is_one_signal(tmp_path):
+    scope = {"time": T, "signals": {"values": V, "label": "Measured\nPosition [mm]"}, "blockName": "model/v1"}
+    scipy.io.savemat(tmp_path / "a.mat", {"t": T, "u": U, "v1": V, "ScopeData_v1": scope})
+    read(tmp_path / "a.mat")
+    scope["signals"]["values"] = V + 1.0
+    scipy.io.savemat(tmp_path / "b.mat", {"t": T, "u": U, "v1": V, "ScopeData_v1": scope})
+    with pytest.raises(RecordingError, match=r"each signal may appear once; got v1 and .* \[columns\] v1 = \"v1\""):
+        roles(tmp_path / "b.mat")
+
+
+def test_the_date_stands_in_the_header(tmp_path):
+    for name, options in (("a.mat", {}), ("2025-11-20_11-21.mat", {"format": "4"})):
+        scipy.io.savemat(tmp_path / name, {"t": T, "u": U, "v1": V}, **options)
+    text = bytearray((tmp_path / "a.mat").read_bytes())
+    text[:116] = b"MATLAB 5.0 MAT-file, Platform: PCWIN64, Created on: Mon Nov 10 11:35:04 2025".ljust(116)
+    (tmp_path / "a.mat").write_bytes(text)
+    assert read_table(tmp_path / "a.mat").recorded == datetime(2025, 11, 10, 11, 35, 4)
+    assert read_table(tmp_path / "2025-11-20_11-21.mat").recorded == datetime(2025, 11, 20, 11, 21)
+
+
+def test_a_header_that_declares_gigabytes_is_refused_before_they_are_allocated(tmp_path):
+    scipy.io.savemat(tmp_path / "a.mat", {"t": T, "u": U}, format="4")
+    data = bytearray((tmp_path / "a.mat").read_bytes())
+    data[4:12] = struct.pack("<2i", 1 << 20, 1 << 20)
+    (tmp_path / "a.mat").write_bytes(data)
+    with pytest.raises(RecordingError, match="must be a complete MATLAB file; got ValueError: a variable of 1048576"):
+        read_table(tmp_path / "a.mat")
+    scipy.io.savemat(tmp_path / "b.mat", {"c": cells("a", "b")})
+    data = bytearray((tmp_path / "b.mat").read_bytes())
+    where = data.index(struct.pack("<2i", 1, 2))
+    data[where : where + 8] = struct.pack("<2i", 1 << 30, 2)
+    (tmp_path / "b.mat").write_bytes(data)
+    with pytest.raises(RecordingError, match="2147483648 × 1 entries"):
+        read_table(tmp_path / "b.mat")
 
 
 def test_file_without_signals(tmp_path):

@@ -1,10 +1,13 @@
 import gzip
+from datetime import datetime
 
 import numpy as np
 import pytest
 import scipy.io
 
+from flexdrive_gym.units import Units
 from identification.recordings import RecordingError, read_recordings
+from identification.recordings.rig import parse_rig
 from tests.identification.recordings.logs import (
     COUNT,
     TS,
@@ -13,6 +16,7 @@ from tests.identification.recordings.logs import (
     open_loop,
     position_log,
     speed,
+    square,
     time,
     trajectory,
     velocity_log,
@@ -90,15 +94,45 @@ class TestFolders:
             (tmp_path / folder / "run.csv").write_text(text if folder == "day1" else other)
         (tmp_path / "day1" / "slow.csv.gz").write_bytes(gzip.compress(other.encode()))
         (tmp_path / "README.md").write_text("# lab")
+        text = csv_text(velocity_log("sine", 2.5, 3.0))
+        (tmp_path / "day2" / "run.csv").write_text(text)
         runs = read_recordings(tmp_path)
         assert [run.name for run in runs] == ["day1_run", "slow", "day2_run"]
         assert [run.source for run in runs] == ["day1/run.csv", "day1/slow.csv.gz", "day2/run.csv"]
 
     def test_the_same_stem_in_two_formats(self, tmp_path):
-        log = velocity_log()
-        write_csv(tmp_path / "run.csv", log)
+        log = velocity_log("sine", 2.5, 2.0)
+        write_csv(tmp_path / "run.csv", velocity_log())
         scipy.io.savemat(tmp_path / "run.mat", {"t": log["t_s"], "u": log["u_V"], "v1": log["v1_mm_s"]})
         assert [run.name for run in read_recordings(tmp_path)] == ["run_csv", "run_mat"]
+
+    def test_the_same_run_twice_is_kept_once_with_most_channels(self, tmp_path):
+        log = velocity_log()
+        scipy.io.savemat(tmp_path / "a.mat", {"t": log["t_s"], "u": log["u_V"], "v1": log["v1_mm_s"]})
+        write_csv(tmp_path / "b.csv", log)
+        write_csv(tmp_path / "copy.csv", log)
+        runs = read_recordings(tmp_path)
+        assert [run.source for run in runs] == ["b.csv"]
+        assert [(item.file, item.reason) for item in runs.skipped] == [
+            ("a.mat", "the same run as b.csv"),
+            ("copy.csv", "the same run as b.csv"),
+        ]
+
+    def test_files_of_one_name_that_are_named_themselves(self, tmp_path):
+        for folder, frequency in (("a", 2.0), ("b", 3.0)):
+            (tmp_path / folder).mkdir()
+            write_csv(tmp_path / folder / "run.csv", velocity_log("sine", 2.5, frequency))
+        (tmp_path / "c").mkdir()
+        (tmp_path / "c" / "run.csv").write_text("notes")
+        runs = read_recordings([tmp_path / folder / "run.csv" for folder in "abc"])
+        assert [run.name for run in runs] == ["a_run", "b_run"]
+        assert [item.file for item in runs.skipped] == ["run.csv"]
+
+    def test_replicates_are_no_copies(self, tmp_path):
+        log = velocity_log()
+        write_csv(tmp_path / "a.csv", log)
+        write_csv(tmp_path / "b.csv", {**log, "v1_mm_s": np.roll(log["v1_mm_s"], 1)})
+        assert len(read_recordings(tmp_path)) == 2
 
     def test_files_and_folders_together_and_each_file_once(self, tmp_path):
         write_csv(tmp_path / "a.csv", velocity_log())
@@ -106,37 +140,62 @@ class TestFolders:
         runs = read_recordings([tmp_path / "b.csv", tmp_path, str(tmp_path / "a.csv")])
         assert sorted(run.name for run in runs) == ["a", "b"]
 
-    def test_a_copied_file_is_a_duplicate(self, tmp_path):
-        write_csv(tmp_path / "a.csv", velocity_log())
-        write_csv(tmp_path / "b.csv", velocity_log())
-        assert [fault.id for fault in read_recordings(tmp_path)[1].faults] == ["duplicate_recording"]
-
     def test_a_trajectory_is_left_out_of_a_folder_and_refused_by_name(self, tmp_path):
         write_csv(tmp_path / "a.csv", velocity_log())
         reference = write_csv(tmp_path / "trajectory.csv", {"t_s": time(2.0), "xr_mm": trajectory(time(2.0))})
-        skipped = []
-        runs = read_recordings(tmp_path, on_skip=lambda path, why: skipped.append((path.name, why)))
+        runs = read_recordings(tmp_path, strict=True)
         assert [run.name for run in runs] == ["a"]
-        assert skipped[0][0] == "trajectory.csv"
-        assert "reference trajectory" in skipped[0][1]
-        assert len(read_recordings(tmp_path)) == 1
+        assert runs.skipped[0].file == "trajectory.csv"
+        assert "reference trajectory" in runs.skipped[0].reason
+        assert runs.summary() == "1 recordings read; 1 files left out"
         with pytest.raises(RecordingError, match=r"trajectory.csv: .* reference trajectory, not a recording"):
             read_recordings(reference)
 
-    def test_one_bad_file_stops_a_folder_by_name_unless_skipped(self, tmp_path):
+    def test_one_bad_file_never_stops_a_folder_unless_strict(self, tmp_path):
         (tmp_path / "day1").mkdir()
         write_csv(tmp_path / "a.csv", velocity_log())
         (tmp_path / "day1" / "broken.csv").write_text("t,u,v1\n0,oops,1\n")
         with pytest.raises(RecordingError, match=r"^day1/broken.csv: column u: must hold numbers; got 'oops'"):
+            read_recordings(tmp_path, strict=True)
+        for paths in (tmp_path, [tmp_path / "a.csv", tmp_path / "day1" / "broken.csv"]):
+            runs = read_recordings(paths)
+            assert len(runs) == 1
+            assert runs.skipped[0].reason.startswith("column u: must hold numbers")
+        with pytest.raises(RecordingError, match=r"^broken.csv: column u"):
+            read_recordings(tmp_path / "day1" / "broken.csv")
+
+    def test_nothing_readable_lists_every_reason_once(self, tmp_path):
+        for k in range(30):
+            (tmp_path / f"a{k:02d}.csv").write_text("t,u,v1\n0,oops,1\n")
+            (tmp_path / f"b{k:02d}.csv").write_text(f"t,u,v1\n0,{k}oops,1\n")
+        with pytest.raises(RecordingError, match="got none in 60 files") as caught:
             read_recordings(tmp_path)
-        skipped = []
-        assert len(read_recordings(tmp_path, on_skip=lambda path, why: skipped.append(why))) == 1
-        assert skipped[0].startswith("day1/broken.csv: column u")
+        lines = str(caught.value).splitlines()
+        assert len(lines) == 22
+        assert lines[1].startswith("  a00.csv and 29 more: column u: must hold numbers")
+        assert lines[-1] == "  and 11 more files"
+
+    def test_only_and_skip(self, tmp_path):
+        write_csv(tmp_path / "a.csv", velocity_log())
+        write_csv(tmp_path / "b.csv", velocity_log("sine", 2.5, 2.0))
+        assert [run.name for run in read_recordings(tmp_path, only=["a*"])] == ["a"]
+        assert [run.name for run in read_recordings(tmp_path, skip=["a*"])] == ["b"]
+        with pytest.raises(RecordingError, match="no file that was asked for"):
+            read_recordings(tmp_path, only=["c*"])
 
     def test_a_folder_without_logs(self, tmp_path):
-        (tmp_path / "log.xlsx").write_text("")
-        with pytest.raises(RecordingError, match=r"folder: must contain .csv, .*; got log.xlsx. Export"):
+        for name in ("log.m", "log.pdf"):
+            (tmp_path / name).write_text("")
+        with pytest.raises(RecordingError, match=r"folder: must contain .csv, .*; got log.m, log.pdf. Export"):
             read_recordings(tmp_path)
+
+    def test_a_spreadsheet_is_left_out_with_its_reason_and_a_drawing_is_not_even_listed(self, tmp_path):
+        write_csv(tmp_path / "a.csv", velocity_log())
+        (tmp_path / "b.xlsx").write_bytes(b"PK")
+        (tmp_path / "c.bmp").write_bytes(b"BM")
+        (item,) = read_recordings(tmp_path).skipped
+        assert item.file == "b.xlsx"
+        assert "Export the log as .csv" in item.reason
 
     def test_an_empty_folder(self, tmp_path):
         with pytest.raises(RecordingError, match="got nothing"):
@@ -144,7 +203,7 @@ class TestFolders:
 
     def test_a_folder_of_trajectories_only(self, tmp_path):
         write_csv(tmp_path / "trajectory.csv", {"t_s": time(2.0), "xr_mm": trajectory(time(2.0))})
-        with pytest.raises(RecordingError, match="at least one must be a recording; got none in trajectory.csv"):
+        with pytest.raises(RecordingError, match=r"(?s)got none in 1 files.*trajectory.csv: .* reference trajectory"):
             read_recordings(tmp_path)
 
     def test_a_missing_path_suggests_its_neighbour(self, tmp_path):
@@ -222,7 +281,7 @@ class TestImperfectLogs:
     @pytest.mark.parametrize(
         ("change", "match"),
         [
-            ({"u_V": 0.0}, "a.csv: column u: the drive must be excited; got u is constant"),
+            ({"u_V": 0.0, "v1_mm_s": 0.0, "v2_mm_s": 0.0}, "a.csv: column u: the drive must be excited"),
             ({"t_s": 1e3}, "a.csv: time: the sampling period must be below 0.5 s; got 1 s"),
             ({"v1_mm_s": 1e-3, "v2_mm_s": 1e-3}, "a.csv: column v1: a cart that moves"),
         ],
@@ -241,3 +300,173 @@ class TestImperfectLogs:
         (tmp_path / "a.csv").write_bytes(bytes(range(256)) * 4)
         with pytest.raises(ValueError, match="a.csv"):
             read_recordings(tmp_path / "a.csv")
+
+    def test_a_free_decay_is_a_recording(self, tmp_path):
+        log = velocity_log()
+        run = read_one(write_csv(tmp_path / "a.csv", {**log, "u_V": 0.0 * log["t_s"]}))
+        assert run.notes == ("u is 0 V throughout: the carts move by themselves, as when plucked by hand",)
+
+    def test_a_filtered_velocity_serves_where_there_is_no_raw_one(self, tmp_path):
+        log = velocity_log()
+        run = read_one(write_csv(tmp_path / "a.csv", {"t": log["t_s"], "u": log["u_V"], "v1_filt": log["v1_mm_s"]}))
+        assert run.velocity_cutoff is None
+        assert "v1 is filtered (v1_filt): no raw one is in the file" in run.notes
+
+    @pytest.mark.parametrize(
+        ("stamps", "note", "recorded"),
+        [
+            (lambda t: 1e3 * t, "warning: the time column has no unit; its stamps are read as milliseconds", None),
+            (lambda t: 739941.25 + t / 86400.0, "time stamps are MATLAB's day numbers", datetime(2025, 11, 20, 6)),
+            (lambda t: 1763637684.0 + t, "time stamps are seconds since 1970", datetime(2025, 11, 20, 11, 21, 24)),
+        ],
+    )
+    def test_stamps_of_other_clocks(self, tmp_path, stamps, note, recorded):
+        log = velocity_log()
+        table = np.column_stack([stamps(log["t_s"]), log["u_V"], log["v1_mm_s"]])
+        np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="t,u,v1", comments="", fmt="%.12f")
+        run = read_one(tmp_path / "a.csv")
+        assert note in run.notes
+        assert run.recorded == recorded
+        assert run.sample_time == pytest.approx(1e-3, rel=1e-3)
+
+
+class TestRigDescription:
+    """What ``rig.toml`` says about columns, units and files."""
+
+    @staticmethod
+    def read(folder, text, **more):
+        return read_recordings(folder, rig=parse_rig(text), **more)
+
+    @staticmethod
+    def bare(path, **changes):
+        log = {**velocity_log("sine", 2.5, 2.0), **changes}
+        np.savetxt(path, np.column_stack(list(log.values())), fmt="%.7g")
+        return log
+
+    def test_columns_by_number_and_a_sampling_period(self, tmp_path):
+        log = self.bare(tmp_path / "a.txt")
+        with pytest.raises(RecordingError, match=r"a.txt: header: .*got no header, the first line is .* from 1 to 4"):
+            read_recordings(tmp_path / "a.txt")
+        (run,) = self.read(tmp_path, '[rig]\nsample_time = 0.001\n[columns]\nu = "2"\nv1 = 3\nv2 = "4"')
+        np.testing.assert_allclose(run.v2, log["v2_mm_s"], atol=1e-3)
+        assert run.sample_time == pytest.approx(1e-3)
+
+    def test_alternatives_sums_and_factors(self, tmp_path):
+        t, u, x1, x2 = open_loop()
+        counts = {"Time": t, "dac": -819.0 * u, "enc a": np.round(x1 / COUNT), "bend": np.round((x2 - x1) / COUNT)}
+        write_csv(tmp_path / "a.csv", counts)
+        text = f"""
+            [columns]
+            u = ["duty", "dac"]
+            x1 = "enc a"
+            x2 = "enc a + bend"
+            [units]
+            u = {{ unit = "V", factor = {-1.0 / 819.0} }}
+            x1 = {{ unit = "mm", factor = {COUNT} }}
+            x2 = {{ unit = "mm", factor = {COUNT} }}
+        """
+        (run,) = self.read(tmp_path, text)
+        np.testing.assert_allclose(run.u, u, atol=1e-6)
+        np.testing.assert_allclose(run.x2, x2, atol=1e-6)
+        assert run.quantum == pytest.approx((COUNT, COUNT), rel=1e-5)
+
+    def test_a_misspelt_column_is_a_reason_and_an_absent_one_a_note(self, tmp_path):
+        t, u, x1, x2 = open_loop()
+        write_csv(tmp_path / "a.csv", {"t": t, "u": u, "encoder_a": x1, "x2": x2})
+        with pytest.raises(RecordingError, match=r"rig.toml gives x1 the name 'encodr_a'.* Is encoder_a meant"):
+            self.read(tmp_path / "a.csv", '[columns]\nx1 = "encodr_a"')
+        (run,) = self.read(tmp_path, '[columns]\nx1 = "pulses"')
+        assert run.x1 is None
+        assert "no column for x1, which rig.toml calls 'pulses'" in run.notes
+        with pytest.raises(RecordingError, match="must contain the command, which rig.toml calls 'pulses'"):
+            self.read(tmp_path / "a.csv", '[columns]\nu = "pulses"')
+
+    def test_rules_for_some_files(self, tmp_path):
+        self.bare(tmp_path / "a.txt")
+        log = self.bare(tmp_path / "b.txt", u_V=-square(time(4.0)), v1_mm_s=velocity_log()["v1_mm_s"])
+        write_csv(tmp_path / "c.csv", velocity_log("sine", 2.5, 3.0))
+        text = """
+            [columns]
+            t = "1"
+            u = "2"
+            v1 = "3"
+            [[files]]
+            match = "c*"
+            use = false
+            [[files]]
+            match = "b*"
+            session = "evening"
+            held = 2
+            units = { u = { unit = "V", factor = -1.0 } }
+        """
+        runs = self.read(tmp_path, text)
+        assert [(run.name, run.session, run.held) for run in runs] == [("a", "", ()), ("b", "evening", (2,))]
+        np.testing.assert_allclose(runs[1].u, -log["u_V"], atol=1e-6)
+        assert [(item.file, item.reason) for item in runs.skipped] == [("c.csv", "left out by rig.toml")]
+
+    def test_units_of_its_own_are_brought_to_the_engines_scale(self, tmp_path):
+        t, u, x1, _ = open_loop()
+        log = {"t": t, "torque": 0.01 * u, "x1": x1 * 1e-3, "v1": speed(x1) * 1e-3}
+        log["v1"][100:110] = np.nan
+        write_csv(tmp_path / "a.csv", log)
+        text = '[columns]\nu = "torque"\n[units]\nu = "N m"\nx1 = "rad"\nv1 = "rad/s"'
+        (run,) = self.read(tmp_path, text)
+        assert (run.units.length, run.units.command, run.units.per_command) == ("rad", "N m", 100.0)
+        travel = np.ptp(x1) * 1e-3 * run.units.per_length
+        assert 50.0 / 10**0.5 <= travel <= 50.0 * 10**0.5
+        assert np.log10(run.units.per_length) == pytest.approx(round(np.log10(run.units.per_length)))
+        np.testing.assert_allclose(run.u, u, atol=1e-4)
+        assert np.ptp(run.x1) == pytest.approx(travel, rel=1e-4)
+        assert run.quantum[0] == pytest.approx(COUNT * 1e-3 * run.units.per_length, rel=1e-2)
+        (fixed,) = self.read(tmp_path, text + "\n[scale]\nlength = 500.0\ntime = 2.0")
+        assert (fixed.units.per_length, fixed.units.per_command) == (500.0, 100.0)
+        assert fixed.t[-1] == pytest.approx(2.0 * t[-1])
+        np.testing.assert_allclose(fixed.v1, run.v1 * 500.0 / run.units.per_length / 2.0)
+        assert (fixed.faults[0].start_s, fixed.faults[0].end_s) == pytest.approx((0.2, 0.218))
+
+    def test_the_units_of_a_drive(self, tmp_path):
+        write_csv(tmp_path / "a.csv", velocity_log())
+        text = '[units]\nu = "N m"\nv1 = "rad/s"\nv2 = "rad/s"'
+        wanted = Units("rad", "N m", 3.0, 7.0)
+        (run,) = self.read(tmp_path, text.replace("rad/s", "rad/s"), units=wanted, only=["a*"], strict=False)
+        assert run.units is wanted
+        with pytest.raises(RecordingError, match="must be measured in rad and N m, as the drive is; got mm and V"):
+            self.read(tmp_path, "", units=wanted)
+
+
+def bare_log():
+    return dict(zip(("t", "u", "x1"), open_loop(), strict=False))
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3])
+@pytest.mark.parametrize(
+    ("log", "name"),
+    [
+        *((velocity_log, name) for name in ("t_s", "u_V", "v1_mm_s", "v2_mm_s")),
+        *((position_log, name) for name in ("t_s", "u_V", "x1_mm", "x2_mm", "xr_mm")),
+        *((bare_log, name) for name in ("t", "u", "x1")),
+    ],
+)
+def test_what_is_a_thousand_times_off_is_refused_or_warned_of(tmp_path, log, name, factor):
+    columns = dict(log())
+    columns[name] = columns[name] * factor
+    try:
+        run = read_one(write_csv(tmp_path / "a.csv", columns))
+    except RecordingError as error:
+        said = str(error)
+    else:
+        said = " ".join(run.notes)
+    assert "got " in said or "warning: " in said
+
+
+def test_a_struct_array_of_runs_names_each(tmp_path):
+    log = velocity_log()
+    runs = np.empty(2, dtype=[("t", object), ("u", object), ("v1", object)])
+    for k in range(2):
+        runs[k] = (log["t_s"], (k + 1.0) * log["u_V"], log["v1_mm_s"])
+    scipy.io.savemat(tmp_path / "a.mat", {"run": runs})
+    with pytest.raises(RecordingError, match=r"got run\(1\).u and run\(2\).u, both u"):
+        read_recordings(tmp_path / "a.mat")
+    text = "".join(f'{role} = "run(2).{role}"\n' for role in ("t", "u", "v1"))
+    (run,) = read_recordings(tmp_path / "a.mat", rig=parse_rig("[columns]\n" + text))
+    np.testing.assert_allclose(run.u, 2.0 * log["u_V"])

@@ -1,11 +1,13 @@
 """What is known of the real rig's recordings: how they were driven, and where their encoders failed."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from identification.recordings import read_recordings, write_recording
+from identification.recordings import RecordingError, read_recordings, write_recording
+from identification.recordings.rig import parse_rig
 
 COUNT = 0.0046592  # mm
 
@@ -110,3 +112,87 @@ def test_a_positioning_system_of_one_cart(shared_recordings):
     assert 100.0 < np.ptp(run.x1) < 1000.0  # metres in the file
     assert run.quantum[0] == pytest.approx(5e-5, rel=1e-3)
     assert (run.excitation.kind, run.excitation.gain) == ("closed_loop", None)
+
+
+PAGE = Path(__file__).parents[3] / "docs" / "recordings.md"
+
+
+def described(name):
+    """The rig description of that name on the page."""
+    blocks = re.findall(r"```toml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    return next(rig for rig in map(parse_rig, blocks) if rig.name == name)
+
+
+def test_workspaces_as_the_students_left_them_hold_the_same_runs(shared_recordings, rig_2025):
+    raw = read_recordings(shared_recordings / "mte360_2025_raw")
+    assert [(item.file, item.reason) for item in raw.skipped] == [
+        ("2-5/1_0V/2-5e.mat", "the same run as 2-5/1_0V/2-5d.mat")
+    ]
+    assert len(raw) == len(rig_2025)
+    left = list(rig_2025.values())
+    for run in raw:
+        twin = next(other for other in left if _same_signals(run, other))
+        left.remove(twin)
+        assert (run.quantum, run.faults, str(run.excitation)) == (twin.quantum, (), str(twin.excitation))
+        assert run.recorded.date().isoformat() == ("2025-11-20" if run.source.startswith("2-5") else "2025-11-10")
+    assert left == []
+
+
+def _same_signals(one, other):
+    def close(name):
+        a, b = getattr(one, name), getattr(other, name)
+        if a is None or b is None:
+            return a is b
+        return a.shape == b.shape and np.allclose(a, b, rtol=0.0, atol=1e-3)
+
+    return all(close(name) for name in ("t", "u", "x1", "x2", "v1", "v2", "xr"))
+
+
+def test_another_makers_rig_in_counts(shared_recordings):
+    runs = read_recordings(
+        shared_recordings / "ecp210_2025", rig=described("ECP 210"), only=["07-Feb*09_2*", "07*11_32*", "21*1[01]_*"]
+    )
+    assert [run.source for run in runs[:4]] == [
+        f"07-Feb-2025 {clock}.txt" for clock in ("09_20_49", "09_26_10", "09_29_44", "11_32_48")
+    ]
+    # in closed loop the text holds the target as control effort; the workspace has both, so it is the one that is kept
+    assert all(run.source.startswith("closed_loop_mat/") and run.closed_loop for run in runs[4:])
+    assert len(runs) == 9
+    for run in runs:
+        assert run.sample_time == pytest.approx(1.1275e-3, rel=2e-3)
+        assert "time stamps rounded to 0.001 s" in " ".join(run.notes)
+        assert run.quantum == pytest.approx((0.004413, 0.004413))
+        assert run.units.lab
+    # a spring to ground holds the carts where the effort is: the signs agree in open and in closed loop
+    assert all(np.corrcoef(run.u, run.x1)[0, 1] > 0.5 for run in (*runs[:3], *runs[4:]))
+    assert np.max(runs[0].u) == pytest.approx(573 * 0.001221)
+    assert "plucked by hand" in " ".join(runs[3].notes)
+    assert runs[0].recorded.isoformat() == "2025-02-07T09:20:49"
+
+
+@pytest.mark.parametrize(
+    ("folder", "rig", "only", "units"),
+    [
+        ("lugre_servo", "servo axis", "*_1.txt", ("rad", "N m")),
+        ("quanser_2dsfl", "2-DOF serial flexible link", "lqr_full*", ("deg", "A")),
+        ("hsm150", "motor bench", "*_1.mat", ("rad", "N m")),
+    ],
+)
+def test_rotary_rigs_by_their_description(shared_recordings, folder, rig, only, units):
+    runs = read_recordings(shared_recordings / folder, rig=described(rig), only=[only])
+    assert runs.skipped == ()
+    for run in runs:
+        assert (run.units.length, run.units.command) == units
+        assert run.x1 is not None
+        assert run.quantum[0] > 0.0
+    peaks = [np.max(np.abs(run.u)) for run in runs]
+    assert 2.0 / 10**0.5 <= np.median(peaks) <= 2.0 * 10**0.5
+
+
+def test_without_a_description_a_folder_says_what_to_write(shared_recordings):
+    for folder, said in (
+        ("lugre_servo", r"no header, the first line is .* by number from 1 to 5: \[columns\]"),
+        ("hsm150", r"rig.toml calls the second of data 'data:2'"),
+    ):
+        with pytest.raises(RecordingError, match=said):
+            read_recordings(shared_recordings / folder, only=["*_1.*"])

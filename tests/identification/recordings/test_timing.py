@@ -53,10 +53,18 @@ def test_a_gap_is_bridged_masked_and_noted():
     np.testing.assert_allclose(result.missing[""], [(0.301, 0.320)], atol=1e-9)
 
 
-def test_gaps_of_more_than_half_a_second_are_refused():
+def test_the_longest_piece_between_long_gaps_is_read():
     t = time(3.0)
     keep = (t < 0.5) | (t > 1.1)
-    with pytest.raises(RecordingError, match="time: gaps may add up to 0.5 s; got 0.6"):
+    result = uniform(t[keep], u=square(t)[keep])
+    assert "gaps of 0.602 s in time: of 2 pieces the longest is read, samples 501 to 2400" in result.notes[0]
+    np.testing.assert_allclose(result.t, t[t > 1.1])
+
+
+def test_many_short_gaps_of_more_than_half_a_second_are_refused():
+    t = time(3.0)
+    keep = np.arange(t.size) % 12 < 9
+    with pytest.raises(RecordingError, match="time: gaps may add up to 0.5 s; got 0.7"):
         uniform(t[keep], u=square(t)[keep])
 
 
@@ -90,10 +98,58 @@ def test_stamps_with_too_few_decimals_are_refused():
         uniform(np.round(time(1.0), 2), u=square(time(1.0)))
 
 
-def test_time_that_runs_backwards_is_refused():
+def test_of_a_clock_that_starts_again_the_longest_piece_is_read():
     t = time(1.0)
-    with pytest.raises(RecordingError, match="time: must increase; got 0.4 s after 0.6 s at sample 602"):
-        uniform(np.r_[t[:601], t[400:]], u=square(np.r_[t[:601], t[400:]]))
+    twice = np.r_[t[:601], t]
+    result = uniform(twice, u=square(twice), x1=np.r_[0.0 * t[:601], t])
+    assert result.notes == ("the clock starts again: of 2 pieces the longest is read, samples 602 to 1602",)
+    np.testing.assert_array_equal(result.signals["x1"], t)
+
+
+def test_samples_that_come_late_are_sorted():
+    t = time(1.0)
+    order = np.arange(t.size)
+    order[[400, 401]] = 401, 400
+    result = uniform(t[order], u=square(t)[order], x1=t[order])
+    assert result.notes == ("1 samples out of order, sorted by time",)
+    np.testing.assert_array_equal(result.signals["x1"], t)
+
+
+def test_time_that_runs_to_and_fro_is_refused():
+    t = np.sin(20.0 * time(4.0))
+    with pytest.raises(RecordingError, match="time: must increase; got .* steps backwards in all. Sort"):
+        uniform(t, u=square(t))
+
+
+def test_stamps_rounded_to_a_millisecond_at_another_period():
+    exact = 0.0011272 * np.arange(1, 4001)
+    result = uniform(np.round(exact, 3), u=square(exact), x1=exact)
+    assert "time stamps rounded to 0.001 s, uniform at 0.001127" in result.notes[0]
+    np.testing.assert_allclose(np.diff(result.t), 0.0011272, rtol=2e-4)
+    np.testing.assert_array_equal(result.signals["x1"], exact)
+    assert result.missing == {}
+
+
+def test_a_lost_sample_is_no_rounding():
+    t = np.delete(time(1.0), 500)
+    result = uniform(t, u=square(t))
+    assert "gaps in time" in result.notes[0]
+    np.testing.assert_allclose(result.missing[""], [(0.5, 0.5)], atol=1e-9)
+
+
+def test_a_given_sampling_period_holds_instead_of_the_stamps():
+    t = time(1.0)
+    assert make_uniform(t, {"u": square(t)}, "a", 1.002e-3).notes == ()
+    result = make_uniform(t, {"u": square(t)}, "a", 1.05e-3)
+    assert result.notes == ("the sampling period is 0.00105 s by rig.toml, 0.001 s by the time stamps",)
+    np.testing.assert_allclose(np.diff(result.t), 1.05e-3)
+    assert make_uniform(t, {"u": square(t)}, "a", 0.1).notes[0].startswith("warning: ")
+
+
+def test_stamps_that_would_be_interpolated_for_the_most_part_are_refused():
+    t = np.r_[time(0.04), 0.45 + time(0.04)]
+    with pytest.raises(RecordingError, match="time: most samples must have been recorded, not interpolated; got 82"):
+        uniform(t, u=square(t))
 
 
 def test_samples_without_a_stamp_are_dropped():

@@ -1,0 +1,57 @@
+"""What every command has beyond typer's: finite numbers, and help that keeps its units."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import typer
+from typer.core import TyperCommand
+
+# a seed must fit every generator there is: NumPy's global one takes 32 bits
+MOST_SEED = 2**32 - 1
+MOST_THREADS = 1024
+
+
+def jobs_given(value: int) -> int:
+    """Refuse ``--jobs 0``, which is neither a number of workers nor as many as cores."""
+    if value == 0:
+        raise typer.BadParameter("0 is neither a number of workers (at least 1) nor -1, as many as cores.")
+    return value
+
+
+class Command(TyperCommand):
+    """A command of ``flexdrive``."""
+
+    def __init__(self, *arguments: Any, **settings: Any) -> None:
+        super().__init__(*arguments, **settings)
+        # square brackets of units would be read as markup and vanish
+        self.help = _escaped(self.help)
+        for parameter in self.params:
+            if hasattr(parameter, "help"):
+                parameter.help = _escaped(parameter.help)
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse; refuse nan, which lies within any range, and inf."""
+        rest = super().parse_args(ctx, args)
+        for parameter in self.params:
+            for value in _numbers(ctx.params.get(parameter.name)):
+                if not math.isfinite(value):
+                    told: Any = parameter
+                    raise typer.BadParameter(f"{value} is not a finite number.", ctx=ctx, param=told)
+        return rest
+
+
+def _numbers(value: Any) -> Iterator[float]:
+    if isinstance(value, float):
+        yield value
+    elif isinstance(value, Iterable) and not isinstance(value, str | bytes):
+        for item in value:
+            yield from _numbers(item)
+
+
+def _escaped(text: str | None) -> str | None:
+    from rich.markup import escape  # noqa: PLC0415  (keeps the start quick)
+
+    return None if text is None else escape(text)

@@ -1,0 +1,169 @@
+"""The table of docs/recordings.md: what ``flexdrive check`` understands of folders as their owners left them.
+
+``python -m benchmarks recordings`` looks for them in ``../shared/recordings`` beside the repository. What each rig's columns mean
+is written here as its owner would write it into rig.toml.
+"""
+
+import time
+from collections import Counter
+from pathlib import Path
+
+from identification import Check, check, identify, read_recordings
+from identification.readiness.identifiability import short
+from identification.recordings.rig import parse_rig
+
+ROOT = Path(__file__).parents[1]
+DATA = ROOT.parent / "shared" / "recordings"
+
+ECP = """
+[rig]
+known = ["ground_spring"]                       # cart 1 has a spring to the frame
+[units]
+u = { unit = "V", factor = 0.001221 }           # 819 units of the converter per volt
+x1 = { unit = "mm", factor = 0.004413 }         # 226.6 counts per millimetre
+x2 = { unit = "mm", factor = 0.004413 }
+"""
+LUGRE = """
+[rig]
+carts = 1
+sample_time = 0.001
+[columns]                                       # no header
+x1 = "1"
+u = "5"
+[units]
+x1 = "rad"
+u = "N m"
+"""
+QUANSER = """
+[columns]
+t = "data_th11:1"
+reference = "data_th11:2"
+x1 = "data_th11:3"
+x2 = "data_th11:3 + data_th12:3"                # the strain gauge measures the deflection
+u = "data_Im1:3"
+[units]
+u = { unit = "N m", factor = 8.925 }            # newton metres per ampere
+x1 = { unit = "rad", factor = 0.017453 }
+x2 = { unit = "rad", factor = 0.017453 }
+reference = { unit = "rad", factor = 0.017453 }
+"""
+HSM = """
+[rig]
+carts = 1
+[columns]
+t = "data:1"
+reference = "data:2"
+x1 = "data:3"
+u = "data:6"
+[units]
+u = "N m"
+x1 = "rad"
+reference = "rad"
+"""
+RIGS = {
+    "mte360_2025_raw": "",
+    "ecp210_2025": ECP,
+    "lugre_servo": LUGRE,
+    "quanser_2dsfl": QUANSER,
+    "hsm150": HSM,
+    "mte360_2022": "",
+    "emps": "",
+}
+TWICE = ("mte360_2025", "mte360_2025_raw")
+BOTH = ("mte360_2022", "mte360_2025")
+MANY = 100
+
+
+def main() -> None:
+    if not DATA.is_dir():
+        print("skipped: no recordings in ../shared/recordings")
+        return
+    titles = [
+        "folder",
+        "rig.toml, lines",
+        "read",
+        "left out",
+        "experiments",
+        "sessions",
+        "a fit can use",
+        "determined",
+        "ready",
+        "time [s]",
+    ]
+    print("| " + " | ".join(titles) + " |")
+    print("|---" * len(titles) + "|")
+    for name, rig in RIGS.items():
+        print("| " + " | ".join(row(name, rig)) + " |")
+    print()
+    twice()
+    merged()
+    many()
+
+
+def row(name: str, rig: str) -> list[str]:
+    begin = time.perf_counter()
+    found = check(DATA / name, rig=parse_rig(rig))
+    seconds = time.perf_counter() - begin
+    lines = sum(1 for line in rig.splitlines() if line.strip() and not line.startswith("["))
+    sessions = ", ".join(f"{session}: {n}" for session, n in found.sessions.items())
+    yes, no = ([short(n) for n, ok in determined(found).items() if ok is wanted] for wanted in (True, False))
+    return [
+        f"`{name}`",
+        str(lines),
+        str(len(found.recordings)),
+        str(len(found.read.skipped)),
+        experiments(found),
+        sessions,
+        str(len(found.selection.usable)),
+        ", ".join(yes) + (f"; not {', '.join(no)}" if no else ""),
+        "yes" if found.ready else found.line(),
+        f"{seconds:.1f}",
+    ]
+
+
+def determined(found: Check) -> dict[str, bool]:
+    return {} if found.found is None else found.found.determined
+
+
+def experiments(found: Check) -> str:
+    """Say which experiments there are and how many of each."""
+    words = {"p_control": "P-control", "closed_loop": "closed loop", "free_decay": "free decay"}
+    kinds: Counter[str] = Counter()
+    for item in found.recordings:
+        held = "".join(f", cart {cart} held" for cart in item.held)
+        kind = "reference as command" if item.reference else words.get(item.experiment, item.experiment)
+        kinds[kind + held] += 1
+    return "; ".join(f"{n} {kind}" for kind, n in kinds.items())
+
+
+def twice() -> None:
+    """Print that a folder as it was left gives what the same recordings give after somebody tidied them."""
+    tidy, raw = (identify(DATA / name).quantities for name in TWICE)
+    apart = {n: abs(raw[n].value - q.value) / (0.5 * (q.ci95[1] - q.ci95[0])) for n, q in tidy.items() if q.ci95}
+    worst = max(apart, key=lambda n: apart[n])
+    print(
+        f"`identify` of {TWICE[1]} and of {TWICE[0]} differ most in {worst}, by {apart[worst]:.0%} of its 95 % half width: the "
+        "files come in another order, so the searches begin on another part of them."
+    )
+
+
+def merged() -> None:
+    found = check([DATA / name for name in BOTH])
+    assert found.comparison is not None
+    header, rows = found.comparison.table(found.units)
+    print(f"\n`flexdrive check {' '.join(BOTH)}`: {found.comparison.sentence()}\n")
+    print("| " + " | ".join(header) + " |")
+    print("|---" * len(header) + "|")
+    for cells in rows:
+        print("| " + " | ".join(cells) + " |")
+    print(f"\n{found.line()}")
+
+
+def many() -> None:
+    """Print how long a check of a hundred recordings takes, reading included."""
+    begin = time.perf_counter()
+    folders = sorted((DATA / "blind").iterdir())
+    files = [path for folder in folders for path in sorted(folder.glob("*.csv.gz"))][:MANY]
+    runs = read_recordings(files)
+    found = check(runs)
+    print(f"\nA check of {len(found.recordings)} recordings took {time.perf_counter() - begin:.1f} s.")

@@ -1,0 +1,82 @@
+"""What a file holds before anything is understood: columns of numbers, each with a name, a place and perhaps a clock."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from datetime import datetime
+
+    from flexdrive_gym.recording import FloatArray
+
+LARGEST = 1 << 30
+"""Bytes of numbers in one file that are read: a damaged header may declare any size."""
+
+
+@dataclass(frozen=True)
+class Series:
+    """One column.
+
+    Attributes
+    ----------
+    label
+        Its name, or a number where the file gives none.
+    values
+        ndarray, shape (n,).
+    clock
+        Its own time [s], ndarray, shape (n,), where the file says so.
+    group
+        Struct it stands in, empty for the workspace and for text.
+    places
+        Other ways to name it, such as ``data:3``.
+    named
+        Whether the file names it, so that it may be recognised.
+    """
+
+    label: str
+    values: FloatArray
+    clock: FloatArray | None = None
+    group: str = ""
+    places: tuple[str, ...] = ()
+    named: bool = True
+
+    @property
+    def shown(self) -> str:
+        """The name that tells it apart from others."""
+        return self.places[0] if self.places and (self.group or not self.named) else self.label
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns as they stand in a file.
+
+    Attributes
+    ----------
+    series
+        Columns in file order, names possibly repeated.
+    notes
+        What was done to get them.
+    hints
+        What shows that a file without a header has none.
+    remarks
+        What helps where a signal is missing, such as matrices whose columns have no names; sentences.
+    recorded
+        When the file says it was recorded.
+    """
+
+    series: tuple[Series, ...]
+    notes: tuple[str, ...] = ()
+    hints: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+    recorded: datetime | None = None
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names in file order."""
+        return tuple(item.label for item in self.series)
+
+    @property
+    def values(self) -> tuple[FloatArray, ...]:
+        """Numbers in file order, each ndarray, shape (n,)."""
+        return tuple(item.values for item in self.series)

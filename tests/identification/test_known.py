@@ -1,0 +1,35 @@
+"""A rig description's known effects are part of the base model that is fitted."""
+
+import pytest
+
+from flexdrive_gym import Drive
+from identification import identify
+from identification.recordings import RecordingSet, Rig
+from identification.recordings.rig import parse_rig
+from identification.topology import topology_of
+from tests.drive.drives import RIG
+from tests.identification.lab import COUNTS, lab_day
+
+
+def test_a_known_ground_spring_is_fitted_with_the_base_model():
+    truth = {**RIG, **COUNTS, "ground_spring.kg": 0.02}
+    runs = RecordingSet(lab_day(Drive(truth), force=0.02), rig=Rig(known=("ground_spring",)))
+    found = identify(runs).drive
+    assert found["ground_spring.kg"] == pytest.approx(0.02, rel=0.1)
+    low, high = found.intervals["ground_spring.kg"]
+    assert low < found["ground_spring.kg"] < high
+    assert found["k"] == pytest.approx(truth["k"], rel=0.1)
+    # the spring that is not there is found to be nothing
+    assert abs(found["ground_spring.kg_2"]) < 0.002
+
+
+def test_a_place_can_be_named():
+    runs = RecordingSet(lab_day(), rig=Rig(known=("stribeck@cart_1",)))
+    free = topology_of(runs).free
+    assert any(n.startswith("stribeck.cart_1.") for n in free)
+    assert not any(n.startswith("stribeck.cart_2.") for n in free)
+
+
+def test_a_rig_says_how_many_carts():
+    assert topology_of(RecordingSet(lab_day(), rig=parse_rig("[rig]\ncarts = 1"))).carts == 1
+    assert topology_of(RecordingSet(lab_day())).carts == 2

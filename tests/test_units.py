@@ -1,0 +1,96 @@
+"""Units: what a rig's owner reads is the engine's figure in other units, and files give back what went in."""
+
+import numpy as np
+import pytest
+
+from flexdrive_gym import Covariance, Drive, Recording, load_drive, save_drive
+from flexdrive_gym.recording import Excitation, Fault
+from flexdrive_gym.units import LAB, Units
+
+METRES = Units("m", "V", per_length=1000.0)
+ROTARY = Units("rad", "N m", per_length=100.0, per_command=50.0)
+SLOW = Units("V", "V", per_length=100.0, per_command=20.0, per_time=3.0)
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor", "name"),
+    [  # by hand: 1 V/mm is 1000 V/m
+        ("mm", 1e-3, "m"),
+        ("mm/s", 1e-3, "m/s"),
+        ("V/mm", 1e3, "V/m"),
+        ("V s²/mm", 1e3, "V s²/m"),
+        ("V/mm³", 1e9, "V/m³"),
+        ("(mm/s)/V", 1e-3, "(m/s)/V"),
+        ("Hz", 1.0, "Hz"),
+        ("1/s", 1.0, "1/s"),
+        ("", 1.0, ""),
+    ],
+)
+def test_millimetres_to_metres(unit, factor, name):
+    assert METRES.of_rig(1.0, unit) == (pytest.approx(factor), name)
+    assert METRES.to_engine(METRES.of_rig(0.7, unit)[0], unit) == pytest.approx(0.7)
+
+
+def test_the_equation_of_motion_holds_in_either_units():
+    """m·a + b·v + k·x is a command: every term has the same value in the rig's units of command."""
+    m, b, k, a, v, x = 5e-4, 8e-3, 0.09, 2000.0, 150.0, 20.0
+    terms = [(m, "V s²/mm", a, "mm/s²"), (b, "V s/mm", v, "mm/s"), (k, "V/mm", x, "mm")]
+    for units in (METRES, ROTARY, SLOW):
+        for value, unit, motion, of_motion in terms:
+            there = units.of_rig(value, unit)[0] * units.of_rig(motion, of_motion)[0]
+            assert there == pytest.approx(units.of_rig(value * motion, "V")[0])
+
+
+def test_names_leave_other_words_alone():
+    assert ROTARY.name("velocity [mm/s] of a comma, VAF, summed") == "velocity [rad/s] of a comma, VAF, summed"
+    assert ROTARY.text(2.5, "V s/mm") == "5 N m s/rad"
+
+
+def test_time_of_a_slowed_rig():
+    assert SLOW.of_rig(22.0, "Hz") == (pytest.approx(66.0), "Hz")
+
+
+def test_a_drive_file_is_in_the_rigs_units(tmp_path):
+    covariance = Covariance(("m1", "k"), np.array([[1e-10, 2e-9], [2e-9, 1e-6]]))
+    values = {"m1": 1e-3, "m2": 5e-4, "b1": 0.01, "k": 0.09, "d1": 0.3, "hardening_spring.k3": 1e-5}
+    drive = Drive(values, {"k": (0.08, 0.1)}, covariance, units=ROTARY)
+    text = save_drive(drive, tmp_path / "drive.toml").read_text(encoding="utf-8")
+    assert 'k = {value = 0.18, unit = "N m/rad", ci95 = [0.16, 0.2]}' in text
+    again = load_drive(tmp_path / "drive.toml")
+    assert again.units == ROTARY
+    assert dict(again.values) == pytest.approx(dict(drive.values))
+    assert again.intervals["k"] == pytest.approx((0.08, 0.1))
+    np.testing.assert_allclose(again.covariance.matrix, covariance.matrix)
+
+
+@pytest.mark.parametrize(("line", "match"), [("per_length = -1.0", "per_length must be a positive number; got -1.0"),
+                                             ("lenght = 'mm'", "got 'lenght'")])  # fmt: skip
+def test_a_drive_file_with_wrong_units_is_refused(tmp_path, line, match):
+    path = save_drive(Drive({"m1": 1e-3}, units=METRES), tmp_path / "drive.toml")
+    path.write_text(path.read_text(encoding="utf-8").replace("per_length = 1000.0", line), encoding="utf-8")
+    with pytest.raises(ValueError, match=match):
+        load_drive(path)
+
+
+def test_a_recording_in_the_rigs_units():
+    t = np.arange(5) / 1000.0
+    run = Recording("a", t, np.full(5, 2.0), x1=np.arange(5.0), v2=np.arange(5.0), quantum=(0.1, 0.0),
+                    excitation=Excitation("closed_loop", 40.0, 1.0, "x2", 0.2, 8.0),
+                    faults=(Fault("a", "encoder_1", "x", 0.001, 0.002),), units=ROTARY)  # fmt: skip
+    seen = run.in_rig_units()
+    np.testing.assert_allclose(seen.x1, np.arange(5) / 100.0)
+    np.testing.assert_allclose(seen.u, 0.04)
+    assert seen.excitation.gain == pytest.approx(0.2 / 50.0 * 100.0)
+    assert seen.excitation.amplitude == pytest.approx(0.4)
+    assert str(run.excitation.text(ROTARY)) == "P-control from x2, Kp = 0.4 N m/rad"
+    assert run.excitation.text() == "P-control from x2, Kp = 0.2 V/mm"
+    # what is readable already stays as it is
+    np.testing.assert_allclose(seen.in_rig_units().x1, seen.x1)
+
+
+def test_lab_units_change_nothing():
+    run = Recording("a", np.arange(5) / 1000.0, np.ones(5), v1=np.ones(5))
+    assert run.in_rig_units() is run
+    assert LAB.lab
+    assert Drive({"m1": 1e-3}).simulate(run.t, run.u).units.lab
+    assert Drive({"m1": 1e-3}, units=METRES).simulate(run.t, run.u).units == METRES
