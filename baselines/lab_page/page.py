@@ -143,7 +143,7 @@ class Page:
     def _load(self, name: str, content: bytes) -> str:
         try:
             self.session.own = read_controller(name, content, self.session.drive)
-        except (ValueError, OSError) as error:
+        except (ValueError, TypeError, OSError) as error:
             return texts.LOAD_CONTROLLER_REFUSED.format(name=name, reason=error)
         self._design.clear()
         self.change(self.session.settings.replace(controller="own"))

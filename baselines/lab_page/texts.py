@@ -85,7 +85,6 @@ CONTROLLERS = {
 DESIGNING = "Designing {name} for this drive …"
 LOAD_CONTROLLER = "Controller or agent file (.toml, .npz)"
 LOAD_CONTROLLER_REFUSED = "{name} was not read: {reason}"
-NO_CONTROLLER_FORMAT = "Controllers in TOML are not read by this version; an agent's .npz is."
 LOADED_CONTROLLER = "{name} controls the rig now."
 
 # charts of the loop
@@ -171,7 +170,6 @@ UNREADABLE = "{file}: {reason}"
 HOW_MANY = "{count} recordings, {skipped} files left out"
 CHECK = "Check"
 CHECKING = "Checking …"
-NO_CHECK = "The command 'flexdrive check' is not part of this version; what could be read is listed below."
 READY, NOT_READY = "Enough to identify the drive.", "Not enough to identify the drive."
 IDENTIFY = "Identify"
 TIED = "With the handout's ratios"

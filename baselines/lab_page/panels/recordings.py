@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from shutil import copytree
 from time import monotonic
@@ -235,7 +234,7 @@ class Workbench:
     async def diagnose(self) -> dict[str, Any] | None:
         """Diagnose, show findings, take the drive; return the diagnosis."""
         folder = self.results / "diagnosis"
-        answer = await self.command(texts.DIAGNOSE, "diagnose", "-o", str(folder))
+        answer = await self.command(texts.DIAGNOSE, "diagnose", "--force", "-o", str(folder))
         if answer is None:
             return None
         with self.outcome:
@@ -317,6 +316,7 @@ class RecordingsPanel:
                 ui.button(texts.SAMPLE, on_click=self._sample).props("flat dense no-caps")
                 ui.button(texts.FORGET, on_click=self._forget).props("flat dense no-caps")
             self.refused = ui.html("", sanitize=False)
+            self.checked = ui.html("", sanitize=False).props('role="status"')
             with ui.element("div").classes("lab-listed").props('tabindex="0"'):
                 self.listed = ui.html(f"<p>{texts.NOTHING_READ}</p>", sanitize=False)
         self.bench.build_results()
@@ -346,6 +346,7 @@ class RecordingsPanel:
     async def refresh(self) -> None:
         """Read again and list what was understood."""
         self.listed.set_content(f"<p>{texts.READING}</p>")
+        self.checked.set_content("")
         await self.bench.read()
         found = self.bench.found
         if not len(found) and not found.skipped:
@@ -365,14 +366,14 @@ class RecordingsPanel:
         await self._check()
 
     async def _check(self) -> None:
-        """Add the verdict of ``flexdrive check``, where this version has it."""
-        if find_spec("baselines.commands.check") is None or self.bench.job.running:
-            return
+        """Add the verdict of ``flexdrive check``."""
+        self.checked.set_content(f"<p>{texts.CHECKING}</p>")
         try:
             sources = [*self.bench.sources(), *self.bench.rig_options()]
             answer = await Job().run(["check", *sources], lambda _stage: None)
-        except JobError:
+        except JobError as error:
+            self.checked.set_content(f"<p class='lab-note'>{text_of(str(error))}</p>")
             return
         words = texts.READY if answer.get("ready") else texts.NOT_READY
         told = [words, *answer.get("trade_offs", []), *answer.get("advice", [])]
-        self.refused.set_content("".join(f"<p>{text_of(str(line))}</p>" for line in told[:12]))
+        self.checked.set_content("".join(f"<p>{text_of(str(line))}</p>" for line in told[:12]))

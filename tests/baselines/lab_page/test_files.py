@@ -6,10 +6,12 @@ import gzip
 import numpy as np
 import pytest
 
+from baselines.lab_page.controller_files import read_controller
 from baselines.lab_page.exercise import NOTHING, answer, choices, conceal, conduct
 from baselines.lab_page.jobs import Job, JobError
 from baselines.lab_page.overlay import overlay, signals
 from baselines.lab_page.uploads import RefusedError, safe_path, take
+from baselines.rl.agents import FOLDER as AGENTS
 from baselines.sample import FOLDER
 from flexdrive_gym import DEFAULT_DRIVE
 from identification import read_recordings
@@ -40,6 +42,23 @@ def test_large_files_and_bombs_are_refused_and_leave_nothing(tmp_path):
         asyncio.run(take(tmp_path, "a.csv.gz", pieces(bomb), most=1_000_000))
     assert not list(tmp_path.iterdir())
     assert asyncio.run(take(tmp_path, "b/a.csv", pieces(b"t,u\n"))).read_bytes() == b"t,u\n"
+
+
+def test_a_controller_file_is_data(tmp_path):
+    text = b'limit = 6.0\n[tf]\nnumerator = [0.05]\ndenominator = [1.0]\nreads = "x2"\n'
+    own = read_controller("own.toml", text, DEFAULT_DRIVE)
+    assert (own.order, own.limit) == (0, 6.0)
+    agent = (AGENTS / "x2-0.npz").read_bytes()
+    assert callable(read_controller("mine.npz", agent, DEFAULT_DRIVE))
+    for name, content, words in (
+        ("own.py", b"import os", "must be a .toml or .npz"),
+        ("own.toml", b"x = 1", "own.toml: must have one table"),
+        ("own.npz", b"PK no", "must be a policy file"),
+        ("own.toml", b"#" * 1_000_001, "at most 1 MB"),
+        ("own.toml", text.replace(b"limit = 6.0", b"sample_time = 0.0015"), "must be a whole number of the rig"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            read_controller(name, content, DEFAULT_DRIVE)
 
 
 def test_a_command_that_fails_says_its_sentence(tmp_path):
