@@ -174,7 +174,14 @@ class Page:
                 controller = await self._controller(settings, session.drive)
                 if number != self._number:
                     return  # a newer change is being shown
-                self.rig.show(self._motions(settings, controller))
+                if settings.pushes or not (controller is None or isinstance(controller, LinearController)):
+                    # the interpreted loop takes a tenth of a second, in which other visitors would wait
+                    motions = await asyncio.to_thread(self._motions, settings, controller)
+                else:
+                    motions = self._motions(settings, controller)
+                if number != self._number:
+                    return
+                self.rig.show(motions)
                 query = json.dumps("?" + settings.query())
                 self.client.run_javascript(f"history.replaceState(null, '', {query})")
                 await asyncio.sleep(_SENT_S)  # the motion is on its way before the charts are computed

@@ -83,6 +83,22 @@ def test_a_command_can_be_cancelled(tmp_path):
     asyncio.run(story())
 
 
+def test_a_computation_that_crashes_says_so_and_the_next_one_runs(tmp_path):
+    async def story():
+        job = Job()
+
+        async def crash():
+            while not job.running:  # noqa: ASYNC110  (nothing tells)
+                await asyncio.sleep(0.01)
+            job._process.kill()
+
+        with pytest.raises(JobError, match="flexdrive diagnose failed: it ended with code -9 and said nothing"):
+            await asyncio.gather(job.run(["diagnose", str(FOLDER), "-o", str(tmp_path)], lambda _: None), crash())
+        assert not job.running
+
+    asyncio.run(story())
+
+
 def test_the_overlay_of_a_drives_own_run_differs_by_encoder_counts_alone():
     t = np.arange(4001) * 1e-3
     run = DEFAULT_DRIVE.simulate(t, np.where(np.mod(t, 2.0) < 1.0, 2.0, -2.0))

@@ -90,10 +90,13 @@ def test_two_visitors_do_not_see_each_other_and_an_address_holds_the_state():
     async def story():
         async with lab(2) as (one, other):
             await one.open("/?gain=0.3&pushes=1")
-            await other.open("/?controller=sine&amplitude=2.5&frequency=1&effect=coupling_backlash.g:0.5")
+            await other.open("/?controller=sine&amplitude=2.5&frequency=1&effect=coupling_backlash.g:0.5&beside=plain")
             await until(lambda: peak(one) > 0.0 and peak(other) > 0.0)
             assert element(one, RigView).motions[0].xr is not None
             assert element(other, RigView).motions[0].xr is None
+            assert len(element(one, RigView).motions) == 1
+            with_effect, without = element(other, RigView).motions
+            assert max(abs(with_effect.x2 - without.x2)) > 1.0
             before = peak(other)
             with one:
                 labelled(one, ui.slider, texts.GAIN).value = -2.0
