@@ -299,7 +299,7 @@ def _result(
         if n not in LOGARITHMIC and parameter(n).lower == 0.0 and values[n] < 1e-8
     ]
     remarks += [
-        f"{n} rests at its bound {values[n]:.3g}: the model lacks something that these recordings have"
+        f"{n} rests at its bound {values[n]:.1g}: the model lacks something that these recordings have"
         for n in fit.resting(z)
     ]
     if _parts(len(used), len(z)) > 1:
