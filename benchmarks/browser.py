@@ -140,8 +140,17 @@ class Browser:
         node = await self.call("DOM.querySelector", nodeId=root["root"]["nodeId"], selector=selector)
         await self.call("DOM.setFileInputFiles", files=paths, nodeId=node["nodeId"])
 
-    async def screenshot(self, path: Path, *, whole: bool = False) -> None:
-        told = await self.call("Page.captureScreenshot", format="png", captureBeyondViewport=whole)
+    async def picture(self, selector: str) -> bytes:
+        """Return a PNG of one element."""
+        box = await self.run(
+            f"(() => {{ const b = document.querySelector({selector!r}).getBoundingClientRect();"
+            " return {x: b.x, y: b.y, width: b.width, height: b.height, scale: 1}; })()"
+        )
+        told = await self.call("Page.captureScreenshot", format="png", clip=box)
+        return base64.b64decode(told["data"])
+
+    async def screenshot(self, path: Path) -> None:
+        told = await self.call("Page.captureScreenshot", format="png")
         path.write_bytes(  # noqa: ASYNC240  (a benchmark)
             base64.b64decode(told["data"])
         )

@@ -7,6 +7,7 @@ which the new run is drawn. With ``--pictures`` it writes docs/lab.png instead.
 from __future__ import annotations
 
 import asyncio
+import io
 import os
 import signal
 import socket
@@ -23,6 +24,9 @@ import numpy as np
 from benchmarks.browser import Browser, chromium
 
 PICTURE = Path(__file__).parents[1] / "docs" / "lab.png"
+MOVING = PICTURE.with_suffix(".gif")
+# two seconds of the rig, a period of the handout's trajectory
+_FRAMES, _FRAME_S = 32, 0.0625
 _TRIALS = 40
 _LATENCY = """new Promise((done) => {
   const rig = document.querySelector('.lab-rig'), slider = document.querySelector('.lab-gain .q-slider__track-container');
@@ -84,14 +88,33 @@ async def latency(trials: int = _TRIALS) -> np.ndarray:
     return np.array(times[3:])
 
 
-async def pictures(target: Path = PICTURE) -> None:
-    """Write the picture of docs/lab.md: a gain that only friction holds."""
-    async with served() as address, Browser(1400, 1000) as browser:
+async def pictures(target: Path = PICTURE, moving: Path = MOVING) -> None:
+    """Write the pictures of docs/lab.md and README.md: a gain that only friction holds, still and moving."""
+    async with served() as address, Browser(1400, 1180) as browser:
         await browser.open(f"{address}/?gain=0.24")
         await browser.until("document.querySelector('.lab-rig')?.dataset.number")
         await asyncio.sleep(4.5)
         await browser.screenshot(target)
-    print(f"wrote {target}")
+        await browser.resize(1100, 880)
+        await browser.run("document.querySelector('.lab-play').click()")
+        frames = []
+        for i in range(_FRAMES):
+            await browser.run(
+                "(() => { const s = document.querySelector('.lab-scrub');"
+                f" s.value = {2.0 + i * _FRAME_S}; s.dispatchEvent(new Event('input')); }})()"
+            )
+            frames.append(await browser.picture(".lab-left"))
+    _animate(frames, moving)
+    print(f"wrote {target} and {moving}")
+
+
+def _animate(frames: list[bytes], target: Path) -> None:
+    from PIL import Image
+
+    images = [Image.open(io.BytesIO(frame)).convert("RGB").quantize(48) for frame in frames]
+    images[0].save(
+        target, save_all=True, append_images=images[1:], duration=round(1000 * _FRAME_S), loop=0, optimize=True
+    )
 
 
 def main() -> None:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from baselines.commands._output import say
+from baselines.commands._output import Json, print_json, say
 from baselines.commands._reading import RigFile
 
 
@@ -26,6 +26,7 @@ def lab(
     ] = "127.0.0.1",
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page.")] = True,
     exercise: Annotated[bool, typer.Option("--exercise", help="Begin with a concealed effect to be found.")] = False,
+    json: Json = False,
 ) -> None:
     """Serve the lab as a local page: turn the gain and see the carts; show physics, read recordings, diagnose."""
     try:
@@ -50,8 +51,12 @@ def lab(
         )
     from baselines.lab_page.warm_up import warm_up  # noqa: PLC0415
 
-    say("preparing (a first run compiles for a minute) …")
+    if not json:
+        say("preparing (a first run compiles for a minute or two) …")
     warm_up()
-    say(f"the lab is at http://{host}:{port}/ (Ctrl-C ends it)")
+    if json:
+        print_json({"address": f"http://{host}:{port}/", "host": host, "port": port})
+    else:
+        say(f"the lab is at http://{host}:{port}/ (Ctrl-C ends it)")
     recordings = tuple(p for p in given if p.suffix != ".toml")
     serve(Lab(found | {BUNDLED: DEFAULT_DRIVE}, recordings, rig, exercise), host=host, port=port, browser=browser)

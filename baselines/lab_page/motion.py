@@ -27,6 +27,8 @@ from flexdrive_gym.units import Units
 RIG_TIME_S = 1e-3
 # the browser gets every fourth sample: 250 a second are more than a screen shows
 _EVERY = 4
+# of a sample of the rig: 8 s of motion then take a tenth of a second
+_MOST_STEPS = 40
 
 _REFERENCES: dict[str, Callable[[FloatArray], FloatArray]] = {
     "moves": handout_trajectory,
@@ -99,7 +101,15 @@ def rig_of(settings: Settings, drive: Drive) -> Drive:
         changes["input_delay.tau"] = settings.delay
     if settings.count is not None:
         changes |= {f"encoder_quantisation.encoder_{i + 1}.quantum": settings.count for i in range(rig.carts)}
-    return rig.replace(changes) if changes else rig
+    changed = rig.replace(changes) if changes else rig
+    steps = parameters.substeps(changed.values, RIG_TIME_S, RIG_TIME_S)
+    if steps > _MOST_STEPS:
+        which = ", ".join(settings.effects) or changed.name
+        raise ValueError(
+            f"effects: the page simulates at most {_MOST_STEPS} steps a millisecond, so that it follows a hand; got {steps} for "
+            f"{which}. Choose values that make the effect slower."
+        )
+    return changed
 
 
 def _of_cart_2(key: str) -> bool:

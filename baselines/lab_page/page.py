@@ -101,11 +101,12 @@ class Page:
             self._beside = ui.select({}, label=texts.BESIDE, on_change=lambda e: self._choose("beside", e.value)).props(
                 "dense options-dense"
             )
-            ui.button(icon="link", on_click=self._copy).props(f'flat round dense aria-label="{texts.COPY_LINK}"')
-            dark = ui.dark_mode(None)
-            ui.button(icon="contrast", on_click=lambda: dark.set_value(not dark.value)).props(
-                f'flat round dense aria-label="{texts.THEME}"'
-            )
+            link = ui.button(icon="link", on_click=lambda: ui.notify(texts.LINK_COPIED))
+            link.props(f'flat round dense aria-label="{texts.COPY_LINK}"')
+            # in the browser, which allows the clipboard on a click alone, and knows which theme it shows
+            link.on("click", js_handler="() => navigator.clipboard && navigator.clipboard.writeText(location.href)")
+            theme = ui.button(icon="contrast").props(f'flat round dense aria-label="{texts.THEME}"')
+            theme.on("click", js_handler="() => Quasar.Dark.toggle()")
         self.offer()
 
     def _tabs(self) -> None:
@@ -138,11 +139,6 @@ class Page:
         if key is not None and getattr(self.session.settings, what) != key:
             self.change(self.session.settings.replace(**{what: key}))
             self.offer()
-
-    def _copy(self) -> None:
-        # runs at once in the browser, which allows the clipboard only on a click
-        self.client.run_javascript("navigator.clipboard && navigator.clipboard.writeText(location.href)")
-        ui.notify(texts.LINK_COPIED)
 
     def _load(self, name: str, content: bytes) -> str:
         try:

@@ -22,7 +22,7 @@ _STYLE = (Path(__file__).parent / "static" / "lab.css").read_text(encoding="utf-
 # a browser may load and call nothing but this server
 _POLICY = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
-    "img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self' ws: wss:; frame-ancestors 'none'; base-uri 'self'"
+    "img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self' ws: wss:; frame-ancestors 'self'; base-uri 'self'"
 )
 
 _Scope = MutableMapping[str, Any]

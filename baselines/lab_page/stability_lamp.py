@@ -68,29 +68,28 @@ def lamp(
     unit
         Of the gain that the slider shows; empty for a factor.
     """
-    units = drive.units
-    size = swing(drive, controller, factor)
-    gain = factor * found.gain_margin
-
-    def shown(value: float) -> str:
-        return units.text(value, "V/mm", 3) if unit else f"{value:.3g}"
+    units, size = drive.units, swing(drive, controller, factor)
 
     def length(value: float) -> str:
         return units.text(value, "mm", 2)
 
     friction = units.text(drive["d1"] + (drive["d2"] if drive.carts == 2 else 0.0), "V", 2)
-    limit = shown(gain) if isfinite(gain) else ""
+    known, times = isfinite(found.gain_margin), found.gain_margin
+    limit = units.text(factor * times, "V/mm", 3) if unit and known else ""
     if size > SWING_MM:
         how = texts.SWINGS.format(swing=length(size)) if isfinite(size) else texts.LEAVES
-        why = texts.UNSTABLE_LINEAR.format(limit=limit) if not found.stable and limit else texts.UNSTABLE_ALTHOUGH
+        why = texts.UNSTABLE_ALTHOUGH
+        if not found.stable and known:
+            why = texts.UNSTABLE_LINEAR.format(limit=limit) if unit else texts.UNSTABLE_FACTOR.format(times=times)
         return Lamp("unstable", f"{texts.UNSTABLE} {how} {why}")
     if not found.stable:
+        words = texts.HELD if unit else texts.HELD_FACTOR
         push = texts.HELD_PUSH.format(amplitude=length(grows)) if grows is not None else texts.HELD_ANY
-        return Lamp("held", texts.HELD.format(limit=limit or "–", friction=friction) + " " + push)
-    if not limit:
+        return Lamp("held", words.format(limit=limit or "–", friction=friction, times=times) + " " + push)
+    if not known:
         return Lamp("stable", texts.STABLE_ALWAYS)
-    margin = texts.STABLE_MARGIN.format(limit=limit, times=found.gain_margin)
-    phase = texts.STABLE_PHASE.format(pm=found.phase_margin_deg) if isfinite(found.crossover) else ""
-    if found.gain_margin < _NEAR:
+    margin = (texts.STABLE_MARGIN if unit else texts.STABLE_FACTOR).format(limit=limit, times=times)
+    phase = texts.STABLE_PHASE.format(pm=found.phase_margin_deg) if isfinite(found.crossover) else "."
+    if times < _NEAR:
         return Lamp("held", f"{texts.NEAR} {margin}{phase}")
     return Lamp("stable", f"{texts.STABLE} {margin}{phase}")

@@ -9,12 +9,14 @@ from collections.abc import AsyncIterator
 from pathlib import Path, PurePosixPath
 
 from baselines.lab_page import texts
+from identification.recordings.files import EXTENSIONS as RECORDED
 
 LARGEST_FILE = 64_000_000
 LARGEST_UNPACKED = 200_000_000
 LARGEST_SUM = 400_000_000
 MOST_FILES = 400
-EXTENSIONS = (".csv", ".csv.gz", ".txt", ".mat", "rig.toml")
+# recordings, and what describes a rig or a drive
+EXTENSIONS = (*RECORDED, ".toml")
 _DEEPEST, _LONGEST = 8, 120
 
 
@@ -41,7 +43,7 @@ def safe_path(name: str) -> PurePosixPath:
     if wrong or any(p in {"..", "."} or len(p) > _LONGEST or not p.isprintable() or ":" in p for p in parts):
         raise RefusedError(texts.UPLOAD_FAILED.format(name=shown, reason=texts.BAD_NAME))
     if not parts[-1].lower().endswith(EXTENSIONS):
-        raise RefusedError(texts.WRONG_KIND.format(name=shown))
+        raise RefusedError(texts.WRONG_KIND.format(name=shown, kinds=", ".join(EXTENSIONS)))
     return PurePosixPath(*parts)
 
 

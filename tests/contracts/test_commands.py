@@ -57,7 +57,7 @@ def folder(tmp_path_factory):
 def test_the_contract_names_every_command():
     assert set(COMMANDS) == {
         "demo", "identify", "validate", "stability", "experiment", "diagnose", "design", "train", "compare", "report",
-        "blind", "benchmark", "check",
+        "blind", "benchmark", "check", "lab",
     }  # fmt: skip
 
 
@@ -75,7 +75,8 @@ def test_wrong_usage_exits_2(command):
 
 @pytest.mark.parametrize("command", [c for c in COMMANDS if c not in {"demo", "benchmark"}])
 def test_a_missing_file_is_named_and_nothing_is_written(command, tmp_path):
-    result = flexdrive(command, "no/such/thing", "-o" if command != "stability" else "--gain", "1", cwd=tmp_path)
+    option = {"stability": "--gain", "lab": "--port"}.get(command, "-o")
+    result = flexdrive(command, "no/such/thing", option, "1", cwd=tmp_path)
     assert result.returncode == 2
     assert "no/such/thing" in result.stderr.replace("\n", "")
     assert list(tmp_path.iterdir()) == []

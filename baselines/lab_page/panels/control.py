@@ -29,7 +29,6 @@ from baselines.stability_limit import with_rig
 
 # of the slider: a factor of 1.0116 a step, finer than a hand turns
 _STEP = 0.005
-_CLOSED = ("controller_gain", "feedback", "reference")
 
 
 def controllers(carts: int, own: bool) -> dict[str, str]:
@@ -204,7 +203,8 @@ class ControlPanel:
             self.slider.props(f"min={log10(low)} max={log10(high)}")
             value = s.gain if self._is_p else s.factor
             # a slider that the hand is on must not be told where it stands
-            if abs(10.0 ** (self.slider.value or 0.0) / value - 1.0) > 2.0 * _STEP:
+            stands = self.slider.value
+            if stands is None or abs(10.0**stands / value - 1.0) > 2.0 * _STEP:
                 self.slider.set_value(log10(value))
             self.exact.set_value(float(f"{units.of_rig(value, 'V/mm')[0] if self._is_p else value:.4g}"))
             words = units.text(value, "V/mm", 3) if self._is_p else f"{value:.3g}"

@@ -74,7 +74,9 @@ class GuidePanel:
         """Record the present run, or all sines, as the rig would write it."""
         rig, settings = rig_of(self.session.settings, self.session.drive), self.session.settings
         written = await asyncio.to_thread(_write, list(_runs(step, rig, settings)), self.bench.folder)
-        names = ", ".join(path.stem for path in written[:2]) + (" …" if len(written) > 2 else "")
+        names = ", ".join(path.name.removesuffix(".csv.gz") for path in written[:2]) + (
+            " …" if len(written) > 2 else ""
+        )
         self.done[step].set_text(f"{texts.RECORDED}: {names}")
         await self.bench.read()
 

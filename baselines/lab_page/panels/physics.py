@@ -99,7 +99,7 @@ class PhysicsPanel:
                 self.rows = [_Row(self, effect, where) for effect in switches() for where in effect.where]
         with card():
             self.note = paragraph(texts.NO_EFFECTS, "lab-soft")
-            with ui.element("div").classes("lab-plots"):
+            with ui.element("div").classes("lab-plots lab-four"):
                 self.plots = [Plot() for _ in range(4)]
 
     def _filtered(self, e: events.ValueChangeEventArguments[Any]) -> None:

@@ -20,6 +20,7 @@ from baselines.lab_page.session import Session
 from baselines.sample import FOLDER as SAMPLE_FOLDER
 from flexdrive_gym import Drive, Recording, load_drive
 from identification import RecordingError, read_recordings
+from identification.quantities import HANDOUT_RATIOS
 from identification.recordings import RecordingSet
 
 _MOST_LISTED = 60
@@ -47,6 +48,7 @@ class Workbench:
 
     def __init__(self, session: Session, folder: str, add_drive: Callable[[str, Drive], None]) -> None:
         self.session, self._name, self._add_drive = session, folder, add_drive
+        self._shown_drives: set[Path] = set()
         self.job, self.found = Job(), RecordingSet((), ())
         self.drive: Drive | None = None
         self._span: tuple[float, float] | None = None
@@ -73,6 +75,19 @@ class Workbench:
         own = sorted(self.folder.rglob("rig.toml")) if self.folder.is_dir() else []
         rig = own[0] if own else (self.session.lab.rig if self._name == "recordings" else None)
         return ["--rig", str(rig)] if rig is not None else []
+
+    def drives(self) -> list[str]:
+        """Offer the drives that were dropped; return one sentence for each that is none."""
+        told = []
+        for path in sorted(self.folder.rglob("*.toml")) if self.folder.is_dir() else ():
+            if path.name == "rig.toml" or path in self._shown_drives:
+                continue
+            self._shown_drives.add(path)
+            try:
+                self._add_drive(f"own{len(self._shown_drives)}", load_drive(path))
+            except (ValueError, TypeError, OSError) as error:
+                told.append(str(error).replace(str(self.folder), "").lstrip("/"))
+        return told
 
     # ---- elements ------------------------------------------------------------------------------------------------------------
     def build_overlay(self) -> None:
@@ -177,8 +192,8 @@ class Workbench:
         def tell(stage: str) -> None:
             seen.append(stage)
             self.status.set_text(texts.RUNNING.format(what=what, stage=stage))
-            shown = "".join(f"<li>{text_of(s)}</li>" for s in seen[-40:])
-            self.stages.set_content(f"<ol class='lab-stages'>{shown}</ol>")
+            shown = "".join(f"<li>{text_of(s)}</li>" for s in reversed(seen[-9:-1]))
+            self.stages.set_content(f"<ul class='lab-stages'>{shown}</ul>")
 
         self._results_card.set_visibility(True)
         self.cancel.set_visibility(True)
@@ -196,18 +211,26 @@ class Workbench:
         return answer
 
     async def identify(self) -> None:
-        """Identify, show the quantities, take the drive."""
-        drive = self.results / "drive.toml"
-        self.results.mkdir(parents=True, exist_ok=True)
-        answer = await self.command(texts.IDENTIFY, "identify", "--no-compare-tied", "-o", str(drive))
+        """Identify with free ratios, show the quantities, take the drive."""
+        await self._identify(texts.IDENTIFIED, "identified", ())
+
+    async def identify_tied(self) -> None:
+        """Identify with the handout's ratios held, to be shown beside the free fit."""
+        ratios = [text for name, value in HANDOUT_RATIOS.items() for text in (f"--{name}", f"{value:g}")]
+        await self._identify(texts.IDENTIFIED_TIED, "tied", ratios)
+
+    async def _identify(self, name: str, key: str, options: Sequence[str]) -> None:
+        drive = self.results / key / "drive.toml"
+        drive.parent.mkdir(parents=True, exist_ok=True)
+        answer = await self.command(texts.IDENTIFY, "identify", "--no-compare-tied", *options, "-o", str(drive))
         if answer is None:
             return
         with self.outcome:
             ui.html(
                 table((texts.QUANTITY, texts.VALUE, texts.INTERVAL, texts.UNIT), _quantities(answer)), sanitize=False
             )
-            self._links(self.results, ("drive.toml",))
-        await self._take(drive, texts.IDENTIFIED, "identified")
+            self._links(drive.parent, ("drive.toml",))
+        await self._take(drive, name, key)
 
     async def diagnose(self) -> dict[str, Any] | None:
         """Diagnose, show findings, take the drive; return the diagnosis."""
@@ -223,6 +246,7 @@ class Workbench:
                 where = located["where"].replace("_", " ")
                 paragraph(f"{where}: {located['share_of_error']:.0%}. {located.get('evidence', '')}", "lab-soft")
             self._links(folder, ("report.html", "diagnosis.json", "drive.toml"))
+            self._frame(folder / "report.html")
         await self._take(folder / "drive.toml", texts.DIAGNOSED, "diagnosed")
         return answer
 
@@ -233,12 +257,19 @@ class Workbench:
         if answer is not None:
             with self.outcome:
                 self._links(target.parent, ("report.html",))
+                self._frame(target)
 
     async def _take(self, path: Path, name: str, key: str) -> None:
         self.drive = load_drive(path).replace(name=name)
         if self._name == "recordings":
             self._add_drive(key, self.drive)
         await self.draw()
+
+    def _frame(self, page: Path) -> None:
+        address = f"/file/{self.session.token}/{page.relative_to(self.session.folder).as_posix()}"
+        ui.element("iframe").classes("lab-frame").props(
+            f'src="{address}" title="{texts.REPORT}" sandbox="allow-scripts"'
+        )
 
     def _links(self, folder: Path, names: Sequence[str]) -> None:
         below = folder.relative_to(self.session.folder)
@@ -280,6 +311,7 @@ class RecordingsPanel:
             Drop(f"/upload/{session.token}", self._sent)
             with ui.element("div").classes("lab-row"):
                 ui.button(texts.IDENTIFY, on_click=self.bench.identify).props("dense no-caps unelevated")
+                ui.button(texts.TIED, on_click=self.bench.identify_tied).props("dense no-caps outline")
                 ui.button(texts.DIAGNOSE, on_click=self.bench.diagnose).props("dense no-caps unelevated")
                 ui.button(texts.REPORT, on_click=self.bench.report).props("dense no-caps outline")
                 ui.button(texts.SAMPLE, on_click=self._sample).props("flat dense no-caps")
@@ -296,6 +328,7 @@ class RecordingsPanel:
             await self.refresh()
 
     async def _sent(self, refused: list[str]) -> None:
+        refused = [*refused, *self.bench.drives()]
         self.refused.set_content("".join(f"<p class='lab-note' role='alert'>{text_of(r)}</p>" for r in refused[:20]))
         await self.refresh()
 

@@ -197,6 +197,7 @@ export default {
       g.strokeStyle = colour; g.fillStyle = colour; g.lineWidth = 3;
       g.beginPath(); g.moveTo(x, y); g.lineTo(x + length - s * 6, y); g.stroke();
       g.beginPath(); g.moveTo(x + length, y); g.lineTo(x + length - s * 9, y - 5); g.lineTo(x + length - s * 9, y + 5); g.fill();
+      if (Math.abs(length) < 16) return;
       g.font = "italic 12px system-ui"; g.textAlign = s > 0 ? "right" : "left"; g.fillText(name, x - s * 5, y + 4);
     },
     // ---- striking a cart -----------------------------------------------------------------------------------------------------

@@ -14,6 +14,8 @@ from baselines.lab_page.loop_curves import (
     smallest_growing,
     unit_p,
 )
+from baselines.lab_page.motion import rig_of
+from baselines.lab_page.settings import Settings
 from baselines.lab_page.signature import plainly_present, signature, switches
 from baselines.lab_page.stability_lamp import lamp
 from baselines.loops import linear_part
@@ -88,5 +90,4 @@ def test_every_switch_gives_a_drive_that_runs():
     for effect in switches():
         for where in effect.where:
             values = plainly_present(effect, where)
-            changed = RIG.replace(values)
-            assert changed.values != RIG.values, effect.id
+            assert rig_of(Settings(effects=values), RIG).values != RIG.values, effect.id

@@ -1,5 +1,7 @@
 """Settings to motion, without a page."""
 
+from base64 import b64decode
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from baselines.lab_page.motion import controller_of, pushed, rig_of, simulate
 from baselines.lab_page.settings import Push, Settings, from_query
 from flexdrive_gym import DEFAULT_DRIVE, LinearController, PControl
 from flexdrive_gym.references import handout_trajectory
+from flexdrive_gym.units import Units
 
 
 def test_p_control_is_the_drives_own_closed_loop():
@@ -87,6 +90,22 @@ def test_what_the_address_asks_wrongly_is_refused_with_a_sentence(pair, words):
     settings, refused = from_query([pair])
     assert settings == Settings()
     assert words in refused[0]
+
+
+def test_an_effect_too_fast_for_a_live_page_is_refused():
+    with pytest.raises(ValueError, match="at most 40 steps a millisecond"):
+        rig_of(Settings(effects={"motor_gear_backlash.mass": 1e-8, "motor_gear_backlash.kc": 1e3}), DEFAULT_DRIVE)
+
+
+def test_a_rig_in_other_units_is_shown_in_its_own():
+    units = Units("rad", "N m", per_length=100.0, per_command=10.0, per_time=2.0)
+    drive = DEFAULT_DRIVE.replace(units=units)
+    settings = Settings(gain=0.08)
+    motion = simulate(settings, drive, controller_of(settings, drive))
+    shown = motion.payload()
+    assert (shown["length"], shown["command"], shown["step"]) == ("rad", "N m", 0.002)
+    x1 = np.frombuffer(b64decode(shown["x1"]), dtype="<f4")
+    np.testing.assert_allclose(x1, motion.x1[::4] / 100.0, atol=1e-6)
 
 
 def test_unknown_controllers_are_refused():
