@@ -57,9 +57,9 @@ class Descent:
         return low, np.where(self.log, np.log(np.minimum(most, _MOST)), most / self.scale)
 
     def resting(self, z: FloatArray) -> list[str]:
-        """Return the masses and stiffnesses that rest at a bound."""
+        """Return the masses and stiffnesses that rest at a bound, to a tenth: bounds lie decades away from any rig."""
         low, high = self.bounds()
-        near = self.log & (np.minimum(z - low, high - z) < 1e-3)
+        near = self.log & (np.minimum(z - low, high - z) < 0.1)
         return [n for n, rests in zip(self.names, near, strict=True) if rests]
 
     def residuals(self, z: FloatArray, *, parallel: bool = True) -> FloatArray:

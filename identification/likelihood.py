@@ -156,6 +156,7 @@ def identify_by_likelihood(
         if name not in RATIOS:
             raise ValueError(f"ties: must be among {', '.join(RATIOS)}; got {name!r}.")
     used, notes = usable(recordings)
+    used.sort(key=_place)
     runs = [prepare(r) for r in used]
     topology = topology or topology_of(RecordingSet(used, rig=getattr(recordings, "rig", None)))
     fixed = {**topology.fixed, **(fixed or {})}
@@ -174,6 +175,13 @@ def identify_by_likelihood(
         z, cost, done, _values = fit.descend(tried[best][3], *(_QUICK if quick else _THOROUGH))
         costs = {label: float(item[1]) for label, item in tried.items()} | {f"{best}, refined": float(cost)}
         return _result(fit, z, used, costs, notes if done else [*notes, _STOPPED])
+
+
+def _place(recording: Recording) -> tuple[str, float, float, tuple[float, ...]]:
+    """Return where a recording comes in a fit: by what was done and what came of it, whatever its file is called."""
+    drove = recording.excitation
+    moved = tuple(float(f"{np.abs(y).sum():.6g}") for _, y in recording.channels())
+    return drove.kind, round(drove.frequency, 4), round(drove.amplitude, 4), moved
 
 
 def _starts(
@@ -291,7 +299,7 @@ def _result(
         if n not in LOGARITHMIC and parameter(n).lower == 0.0 and values[n] < 1e-8
     ]
     remarks += [
-        f"{n} rests at its bound {values[n]:.3g}: the model lacks something that these recordings have"
+        f"{n} rests at its bound {values[n]:.1g}: the model lacks something that these recordings have"
         for n in fit.resting(z)
     ]
     if _parts(len(used), len(z)) > 1:
