@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from baselines.commands._command import MOST_THREADS
 from baselines.commands._output import Json, Recordings, print_json, progress, say, table
 from baselines.commands._reading import Only, RigFile, Skip, Strict, read
 
@@ -21,7 +22,9 @@ def check(
     strict: Strict = False,
     only: Only = None,
     skip: Skip = None,
-    threads: Annotated[int | None, typer.Option(min=1, help="Threads; the answer does not change.")] = None,
+    threads: Annotated[
+        int | None, typer.Option(min=1, max=MOST_THREADS, help="Threads; the answer does not change.")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Say what recordings are and what they can identify, before anything is fitted."""

@@ -36,7 +36,7 @@ def test_page_is_self_contained(page):
 
 
 def test_discussions_are_answered_with_numbers(page):
-    assert re.search(r"Raising Kp from 0\.05 to 0\.1915 V/mm", page)
+    assert re.search(r"Raising Kp from 0\.05 V/mm to 0\.1915 V/mm", page)
     assert "Advantage: stability" in page
     assert "Disadvantage: accuracy" in page
 

@@ -48,13 +48,15 @@ def place(tmp_path_factory):
 
 def parsed(command, option, value, place):
     """Return the value that a command would get, or the message that refuses it."""
-    needed = {"DRIVE": "drive.toml", "RECORDINGS...": "run.csv", "NAME": "emps"}
+    needed = {"DRIVE": "drive.toml", "DRIVE...": "drive.toml", "RECORDINGS...": "run.csv"}
     arguments = [str(place / needed[p.metavar]) if p.metavar != "NAME" else "emps" for p in COMMANDS[command].params
                  if p.param_type_name == "argument" and p.required]  # fmt: skip
     if command == "benchmark":
         arguments += ["--data", str(place)]
+    if any("-o" in p.opts for p in COMMANDS[command].params):
+        arguments += ["-o", str(place / "out")]
     try:
-        context = COMMANDS[command].make_context(command, [*arguments, "-o", str(place / "out"), f"{option}={value}"])
+        context = COMMANDS[command].make_context(command, [*arguments, f"{option}={value}"])
     except Exception as error:  # noqa: BLE001
         assert type(error).__name__ in {"BadParameter", "UsageError"}, error  # noqa: PT017
         return error.format_message()
