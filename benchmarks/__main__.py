@@ -8,6 +8,7 @@ from benchmarks import (
     controllers,
     coverage,
     diagnosis,
+    engines,
     environment,
     false_alarms,
     learners,
@@ -34,6 +35,7 @@ ALL = {
 # these take minutes to hours, and options of their own
 LONG = {
     "diagnosis": diagnosis.main,
+    "engines": engines.main,
     "false_alarms": false_alarms.main,
     "learners": learners.main,
     "sim_to_real": sim_to_real.main,

@@ -1,4 +1,4 @@
-"""Recordings of one drive as rows of residuals: simulated in batches, compared by velocity or, where motion is small, by position."""
+"""Recordings of one drive as rows of residuals: simulated in batches, compared by velocity or, if motion is small, position."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Bench:
 
     @cached_property
     def bounds(self) -> dict[str, tuple[float, float]]:
-        """Return tighter bounds than those of the catalogue: a wave longer than the way travelled cannot be told from a spring."""
+        """Return tighter bounds than the catalogue's: a wave longer than the way travelled cannot be told from a spring."""
         found = {}
         for key, slot in LAYOUT.items():
             if slot.parameter.name == "P":
@@ -162,8 +162,9 @@ class Bench:
         found = []
         for p in self.pieces:
             run = self.runs[p.recording]
-            # a floor is the variance of a block's sum over the root of its samples; a count does not average out of a position
-            found.append(run.floor[p.cart] if run.positions else run.floor[p.cart] / run.block)
+            q = run.counts[p.cart] if len(run.counts) > p.cart else 0.0
+            # a count does not average out of a position; a difference of counts errs by one over a whole block
+            found.append(q**2 / 12.0 if run.positions else (q / run.sample_time / run.block) ** 2 / 6.0)
         return np.maximum(np.array(found), 1e-12)
 
 

@@ -22,7 +22,7 @@ from identification.diagnosis.noise import Noise
 from identification.diagnosis.score import Normal
 from identification.output_error import PHYSICS_S
 
-# step of a finite difference, in scaled coordinates: far above round-off, since sticking makes residuals smooth only piece by piece
+# step of a finite difference, in scaled coordinates, far above round-off: sticking makes residuals smooth only piece by piece
 _STEP = 2e-3
 # a rate times the step beyond which an effect is as good as instantaneous
 _FASTEST = 30.0
@@ -209,9 +209,7 @@ def intervals(best: Fit) -> Mapping[str, tuple[float, float]]:
     n = best.normal
     R = len(n.square)
     H, g = n.information.sum(axis=0), n.gradient.sum(axis=0)
-    steps = []
-    for r in range(R):
-        steps.append(n.step(H - n.information[r], g - n.gradient[r], best.noise.ridge))
+    steps = [n.step(H - n.information[r], g - n.gradient[r], best.noise.ridge) for r in range(R)]
     spread = np.sqrt((R - 1.0) / R * np.sum((np.array(steps) - np.mean(steps, axis=0)) ** 2, axis=0))
     half = float(student.ppf(0.975, max(R - 1, 1))) * spread
     found = {name: (best.values[name], best.values[name]) for name in best.names}

@@ -9,7 +9,7 @@ import numpy as np
 
 from flexdrive_gym.drive.parameters import fastest
 from flexdrive_gym.recording import FloatArray
-from identification.diagnosis.bench import Bench, Values
+from identification.diagnosis.bench import Bench
 from identification.diagnosis.candidates.catalogue import Candidate
 from identification.diagnosis.candidates.free import Shape
 from identification.diagnosis.fit import Fit
@@ -60,6 +60,14 @@ class Linear:
         index = np.ix_(range(len(self.plain)), use, use)
         return Normal.from_products(self.plain[index], self.white[index])
 
+    def around(self, model: Fit, noise: Noise) -> Linear:
+        """Return the candidates' columns with another base model and other noise, near enough for them to stay what they are."""
+        inner = model.jacobian[:, model.interior]
+        p, more = inner.shape[1], len(self.base)
+        entries = tuple(Entry(e.candidate, tuple(c - more + p for c in e.columns)) for e in self.entries)
+        columns = np.column_stack([inner, self.columns[:, more:]])
+        return products(noise, columns, model.residual, entries, tuple(range(p)))
+
     def against(self, residual: FloatArray) -> Linear:
         """Return the same columns with another residual."""
         plain, white = self.plain.copy(), self.white.copy()
@@ -81,7 +89,9 @@ class Linear:
         return Linear(self.entries, self.base, plain, white, self.columns, self.noise)
 
 
-def linearise(bench: Bench, noise: Noise, model: Fit, candidates: Sequence[Candidate], shapes: Sequence[Shape]) -> Linear:
+def linearise(
+    bench: Bench, noise: Noise, model: Fit, candidates: Sequence[Candidate], shapes: Sequence[Shape]
+) -> Linear:
     """Return the sensitivities of all candidates around a model.
 
     A candidate's columns are the change at its plainly present size over that size, for non-linear effects look different when
@@ -116,30 +126,23 @@ def linearise(bench: Bench, noise: Noise, model: Fit, candidates: Sequence[Candi
         columns += [p for p in pushed if np.any(p)]
         if len(columns) > first:
             entries.append(Entry(shape, tuple(range(first, len(columns)))))
-    return _products(noise, np.column_stack(columns), here, entries, base, bench)
+    return products(noise, np.column_stack(columns), here, tuple(entries), base)
 
 
-def _products(
-    noise: Noise, columns: FloatArray, residual: FloatArray, entries: list[Entry], base: tuple[int, ...], bench: Bench
+def products(
+    noise: Noise, columns: FloatArray, residual: FloatArray, entries: tuple[Entry, ...], base: tuple[int, ...]
 ) -> Linear:
+    """Return the products of columns and residual per recording, in both metrics."""
     both = np.column_stack([columns, residual])
-
-    def one(r: int) -> tuple[FloatArray, FloatArray]:
-        rows = noise.rows[r]
+    plain, white = [], []
+    for r, rows in enumerate(noise.rows):
         y = both[rows] * noise.weights[rows][:, None]
-        plain = y.T @ y
+        plain.append(y.T @ y)
         if noise.modes:
-            y = y - noise.modes[r] @ (noise.modes[r].T @ y)
-            return plain, y.T @ y
-        return plain, plain
-
-    parts = list(bench.pool.map(one, range(len(noise.rows))))
-    plain, white = np.array([p for p, _ in parts]), np.array([w for _, w in parts])
-    return Linear(tuple(entries), base, plain, white, columns, noise)
-
-
-def values_with(model: Values, candidate: Candidate, sizes: FloatArray) -> dict[str, float]:
-    """Return a drive with a candidate of some sizes."""
-    return {**model, **candidate.start, **{k: float(s) for (k, _), s in zip(candidate.sizes, sizes, strict=True)}}
-
-
+            U = noise.modes[r]
+            # of a projection the products need no whitened rows
+            T = U.T @ y
+            white.append(plain[-1] - T.T @ (2.0 * T - (U.T @ U) @ T))
+        else:
+            white.append(plain[-1])
+    return Linear(entries, base, np.array(plain), np.array(white), columns, noise)

@@ -23,7 +23,7 @@ from identification.diagnosis.nuisance import Direction
 from identification.diagnosis.score import Normal
 
 # how far a group's standard deviation may go from its prior, as a factor: other rigs are quieter or rougher
-_LEAST, _MOST = 0.5, 1.0
+_LEAST, _MOST = 0.25, 2.5
 # singular values under which a direction is lost in the noise
 _SEEN = 0.3
 

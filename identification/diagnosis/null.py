@@ -1,22 +1,27 @@
 r"""The null distribution: what the same pipeline finds in data of this rig in which nothing is left out.
 
 A draw is the present model's simulation plus the *actual* residual of a generous model, its sign (or, where recordings are few,
-Webb's six-point multiplier) drawn for every recording. Colour, size and coherence with the motion stay what they are; what all
-recordings share is gone. Every candidate's gain is computed in every draw as it is in the data. Each name is judged against its own
-mean and spread over the draws, for a candidate that acts near reversals gains much in data that lack nothing; the largest over
-the catalogue gives the p-value. M. Webb, Reworking wild bootstrap based inference for clustered errors, 2014.
+Webb's six-point multiplier) drawn for every recording, with the most probable run-to-run variability in it replaced by a random
+one. Colour, size and coherence with the motion stay what they are; what all recordings share is gone, but for the track, which is
+the same in all of them and is drawn as such. Every candidate's gain is computed in every draw as it is in the data. Each name is
+judged against its own mean and spread over the draws, for a candidate that acts near reversals gains much in data that lack
+nothing; the largest over the catalogue gives the p-value. M. Webb, Reworking wild bootstrap based inference for clustered errors,
+2014.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from flexdrive_gym.recording import FloatArray
+from identification.diagnosis.bench import Bench
 from identification.diagnosis.linear import Linear
-from identification.diagnosis.score import Normal, studentised
-from identification.diagnosis.settings import Settings
+from identification.diagnosis.noise import amplitudes
+from identification.diagnosis.nuisance import Direction, drawn
+from identification.diagnosis.score import Normal, trimmed
 
 Name = tuple[str, str]
 
@@ -31,14 +36,16 @@ class Null:
         Of every name's gain over the draws.
     largest : ndarray, shape (draws,)
         Largest standardised gain of any name.
-    largest_z : ndarray, shape (draws,)
-        Largest mean over standard error of any name.
+    trimmed_mean, trimmed_spread, largest_trimmed
+        The same of the gain without the recording that gains most.
     """
 
     mean: dict[Name, float]
     spread: dict[Name, float]
     largest: FloatArray
-    largest_z: FloatArray
+    trimmed_mean: dict[Name, float]
+    trimmed_spread: dict[Name, float]
+    largest_trimmed: FloatArray
 
     def score(self, name: Name, gain: float) -> float:
         """Return a gain in spreads of its own null distribution above its mean."""
@@ -49,12 +56,67 @@ class Null:
         """Return how often the best of the catalogue gains as much where nothing is left out."""
         return float((1 + np.sum(self.largest >= self.score(name, gain))) / (len(self.largest) + 1))
 
-    def p_of_z(self, z: float) -> float:
-        """Return how often the most consistent of the catalogue is as consistent over recordings."""
-        return float((1 + np.sum(self.largest_z >= z)) / (len(self.largest_z) + 1))
+    def p_without_best(self, name: Name, gain: float) -> float:
+        """Return the p-value of a gain that leaves out the recording that gains most."""
+        score = (gain - self.trimmed_mean.get(name, 0.0)) / self.trimmed_spread.get(
+            name, float(np.median(list(self.trimmed_spread.values())))
+        )
+        return float((1 + np.sum(self.largest_trimmed >= score)) / (len(self.largest_trimmed) + 1))
 
 
-def null_of(linear: Linear, residual: FloatArray, settings: Settings, rng: np.random.Generator) -> Null:
+@dataclass(frozen=True, eq=False)
+class _Draws:
+    """Null draws as gradients of all columns.
+
+    Attributes
+    ----------
+    plain, white : ndarray, shape (R, draws, M)
+        In the metric of estimates and of scores.
+    square : ndarray, shape (R, draws)
+    """
+
+    plain: FloatArray
+    white: FloatArray
+    square: FloatArray
+
+    @classmethod
+    def of(
+        cls, linear: Linear, residual: FloatArray, found: Sequence[Direction], signs: FloatArray, amplitude: FloatArray
+    ) -> _Draws:
+        """Return the draws of a residual with signs, shape (draws, R), and amplitudes, shape (draws, R, directions)."""
+        noise, parts = linear.noise, []
+        D = np.column_stack([d.change for d in found]) if found else np.zeros((len(residual), 0))
+        for r, rows in enumerate(noise.rows):
+            w = noise.weights[rows][:, None]
+            E = np.column_stack([residual[rows], D[rows]]) * w
+            F = E
+            if noise.modes:
+                U = noise.modes[r]
+                F = E - U @ (U.T @ E)
+            C = linear.columns[rows] * w
+            twice = F - noise.modes[r] @ (noise.modes[r].T @ F) if noise.modes else F
+            mix = np.column_stack([signs[:, r], amplitude[:, r]])
+            parts.append((mix @ (E.T @ C), mix @ (twice.T @ C), np.einsum("bi,ij,bj->b", mix, F.T @ F, mix)))
+        return cls(*(np.array([p[i] for p in parts]) for i in range(3)))
+
+    def left_out(self, n: Normal, columns: Sequence[int], damping: float) -> FloatArray:
+        """Return the squares that the others' optimum leaves, for every draw and recording, shape (draws, R)."""
+        plain, white = self.plain[:, :, columns], self.white[:, :, columns]
+        H, total = n.information.sum(axis=0), plain.sum(axis=0)
+        found = np.empty(self.square.T.shape)
+        for r in range(len(n.square)):
+            A = H - n.information[r]
+            d = np.sqrt(np.maximum(np.diag(A), 1e-300))
+            inverse = np.linalg.inv(A / np.outer(d, d) + damping * np.eye(len(d))) / np.outer(d, d)
+            step = -(total - plain[r]) @ inverse
+            own = np.sum((step @ n.score_information[r]) * step, axis=1)
+            found[:, r] = self.square[r] + 2.0 * np.sum(step * white[r], axis=1) + own
+        return found
+
+
+def null_of(
+    linear: Linear, bench: Bench, residual: FloatArray, found: Sequence[Direction], rng: np.random.Generator
+) -> Null:
     """Draw the null distribution.
 
     Parameters
@@ -63,32 +125,41 @@ def null_of(linear: Linear, residual: FloatArray, settings: Settings, rng: np.ra
         All candidates around the present model.
     residual
         Raw rows of a generous model.
+    found
+        Run-to-run variability.
     """
-    drawn = linear.against(residual)
-    R = len(drawn.plain)
+    settings, R = bench.settings, len(linear.plain)
     signs = multipliers(settings.draws, R, settings.few, rng)
-    base = _left_out(drawn.normal(), signs, settings.damping)
+    amplitude = drawn(found, linear.noise.scale, R, settings.draws, rng)
+    rest = residual.copy()
+    for rows, (a, _) in zip(
+        bench.rows, amplitudes(bench, residual, found, linear.noise) if found else [], strict=False
+    ):
+        rest[rows] += np.column_stack([d.change[rows] * d.size for d in found]) @ a
+    draws = _Draws.of(linear, rest, found, signs, amplitude)
+    base = draws.left_out(linear.normal(), linear.base, settings.damping)
     gain: dict[Name, FloatArray] = {}
-    z: dict[Name, FloatArray] = {}
-    for entry in drawn.entries:
-        each = 0.5 * (base - _left_out(drawn.normal(entry.columns), signs, settings.damping))
-        total, own = each.sum(axis=1), studentised(each)
+    less: dict[Name, FloatArray] = {}
+    for entry in linear.entries:
+        columns = [*linear.base, *entry.columns]
+        each = 0.5 * (base - draws.left_out(linear.normal(entry.columns), columns, settings.damping))
+        total, rest = each.sum(axis=1), trimmed(each)
         name = entry.candidate.name
-        if name in gain:
-            better = total > gain[name]
-            gain[name] = np.where(better, total, gain[name])
-            z[name] = np.where(better, own, z[name])
-        else:
-            gain[name], z[name] = total, own
+        better = total > gain[name] if name in gain else np.ones(len(total), dtype=bool)
+        gain[name] = np.where(better, total, gain.get(name, total))
+        less[name] = np.where(better, rest, less.get(name, rest))
+    return Null(*_standardised(gain), *_standardised(less))
+
+
+def _standardised(gain: dict[Name, FloatArray]) -> tuple[dict[Name, float], dict[Name, float], FloatArray]:
+    """Return every name's mean and spread over the draws, and the largest standardised gain of every draw."""
     mean = {n: float(np.mean(g)) for n, g in gain.items()}
     raw = {n: float(np.std(g)) for n, g in gain.items()}
     # a candidate that hardly changes anything has no spread to be judged by
     least = 0.25 * float(np.median(list(raw.values())))
     spread = {n: max(s, least, 1e-9) for n, s in raw.items()}
     largest = np.max([(g - mean[n]) / spread[n] for n, g in gain.items()], axis=0)
-    # consistency counts only where there is a gain
-    consistent = np.max([np.where(g > 0.0, z[n], -np.inf) for n, g in gain.items()], axis=0)
-    return Null(mean, spread, np.asarray(largest), np.asarray(consistent))
+    return mean, spread, np.asarray(largest)
 
 
 def multipliers(draws: int, recordings: int, few: int, rng: np.random.Generator) -> FloatArray:
@@ -97,22 +168,3 @@ def multipliers(draws: int, recordings: int, few: int, rng: np.random.Generator)
         return rng.choice([-1.0, 1.0], (draws, recordings))
     six = np.sqrt([0.5, 1.0, 1.5])
     return rng.choice(np.concatenate([-six, six]), (draws, recordings))
-
-
-def _left_out(n: Normal, signs: FloatArray, damping: float) -> FloatArray:
-    """Return the squares that the others' optimum leaves, for every draw and recording, shape (draws, R)."""
-    H = n.information.sum(axis=0)
-    total = signs @ n.gradient
-    found = np.empty_like(signs)
-    for r in range(len(n.square)):
-        A = H - n.information[r]
-        d = np.sqrt(np.maximum(np.diag(A), 1e-300))
-        inverse = np.linalg.pinv(A / np.outer(d, d) + damping * np.eye(len(d)), rcond=1e-12, hermitian=True) / np.outer(d, d)
-        s = signs[:, r]
-        step = -(total - s[:, None] * n.gradient[r]) @ inverse
-        found[:, r] = (
-            s**2 * n.square[r]
-            + 2.0 * s * (step @ n.score_gradient[r])
-            + np.einsum("bi,ij,bj->b", step, n.score_information[r], step)
-        )
-    return found

@@ -44,9 +44,7 @@ class Normal:
     signs: FloatArray | None = None
 
     @classmethod
-    def of(
-        cls, plain: Sequence[FloatArray], white: Sequence[FloatArray], signs: FloatArray | None = None
-    ) -> Normal:
+    def of(cls, plain: Sequence[FloatArray], white: Sequence[FloatArray], signs: FloatArray | None = None) -> Normal:
         """Return the normal equations of rows whose last column is the residual, per recording in both metrics."""
         one = np.array([y.T @ y for y in plain])
         two = one if white is plain else np.array([y.T @ y for y in white])
@@ -87,6 +85,11 @@ def studentised(gain: FloatArray) -> FloatArray:
     n = gain.shape[-1]
     spread = np.std(gain, axis=-1, ddof=1) if n > 1 else np.full(gain.shape[:-1], np.inf)
     return np.asarray(np.mean(gain, axis=-1) / np.maximum(spread / np.sqrt(n), 1e-12))
+
+
+def trimmed(gain: FloatArray) -> FloatArray:
+    """Return the sum of gains along the last axis without the largest: what one recording alone shows is no property of a rig."""
+    return np.asarray(gain.sum(axis=-1) - gain.max(axis=-1))
 
 
 def _solve(H: FloatArray, g: FloatArray, damping: float) -> FloatArray:

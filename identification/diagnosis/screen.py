@@ -242,7 +242,9 @@ class Screen:
         u, a = (np.concatenate([getattr(x, n).ravel() for x in m]) for n in ("command", "acceleration"))
         mass = float(np.sqrt(np.mean(u**2) / max(float(np.mean(a**2)), 1e-300)))
         values = {"m1": mass, "b1": 0.0, "d1": 0.0}
-        return values | ({"m2": mass, "k": mass * (2.0 * np.pi * 3.0) ** 2, "b2": 0.0, "d2": 0.0} if self.carts == 2 else {})
+        return values | (
+            {"m2": mass, "k": mass * (2.0 * np.pi * 3.0) ** 2, "b2": 0.0, "d2": 0.0} if self.carts == 2 else {}
+        )
 
     def _start(self, base: FloatArray, sizes: FloatArray, candidate: Candidate) -> dict[str, float]:
         c = dict(zip(self._names(), base, strict=True))
@@ -263,10 +265,7 @@ def _rows(m: Motion, ratio: float, *, shared: bool, resting: bool) -> _Rows:
     bottom = np.column_stack([zero, zero, zero, zero, m.velocity[1], s[1], m.deflection])
     marks = (m.segment[:, None] == np.unique(m.segment)[None, :]).astype(float)
     nothing = np.zeros_like(marks)
-    if shared:
-        offsets = np.vstack([-marks, ratio * marks])
-    else:
-        offsets = np.block([[marks, nothing], [nothing, marks]])
+    offsets = np.vstack([-marks, ratio * marks]) if shared else np.block([[marks, nothing], [nothing, marks]])
     use = np.ones(2 * K, dtype=bool) if resting else np.concatenate([m.sliding[0], m.sliding[1]])
     return _Rows(np.vstack([top, bottom]), np.concatenate([m.acceleration[0], m.acceleration[1]]), offsets, use, 2)
 

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from flexdrive_gym.drive.parameters import parameter
 from flexdrive_gym.recording import FloatArray
 from identification.diagnosis.bench import Bench, Values
-from identification.diagnosis.candidates.catalogue import Candidate, catalogue, look_alikes
+from identification.diagnosis.candidates.catalogue import Candidate, catalogue, look_alikes, null_value
 from identification.diagnosis.candidates.free import Shape, shapes
 from identification.diagnosis.fit import Fit, fit
 from identification.diagnosis.linear import Entry, Linear, linearise
 from identification.diagnosis.noise import Noise, estimate, first_noise
-from identification.diagnosis.null import Name, Null, null_of
 from identification.diagnosis.nuisance import Direction, directions, dry_level
-from identification.diagnosis.score import gains, studentised
+from identification.diagnosis.null import Name, Null, null_of
+from identification.diagnosis.score import gains, studentised, trimmed
 from identification.diagnosis.screen import Proposal, Screen
 from identification.equation_error import start_values
 from identification.topology import Topology
@@ -75,8 +75,8 @@ class Round:
         Null distribution.
     noise
         Of the rows.
-    p, p_z
-        P-values of the best: of its gain, and of its consistency over recordings.
+    p, p_rest
+        P-values of the best: of its gain, and of its gain without the recording that gains most.
     accepted
         Whether the best one is taken.
     """
@@ -86,9 +86,10 @@ class Round:
     null: Null
     noise: Noise
     p: float
-    p_z: float
+    p_rest: float
     accepted: bool
     linear: Linear = field(repr=False)
+    variability: tuple[Direction, ...] = field(repr=False, default=())
 
     @property
     def best(self) -> Scored:
@@ -101,10 +102,25 @@ class Round:
         return found[:3]
 
 
-def _ranked(scored: Sequence[Scored]) -> list[Scored]:
-    """Return candidates by gain; of those that tie with the largest one, the one with the fewest parameters comes first."""
+def _p_values(null: Null, scored: Scored) -> tuple[float, float]:
+    """Return the p-values of a candidate's gain, and of its gain without the recording that gains most.
+
+    One recording may gain much by chance, or by a fault: the rest must gain, too.
+    """
+    rest = null.p_without_best(scored.name, float(trimmed(scored.gain)))
+    return null.p_value(scored.name, scored.total), rest
+
+
+def _ranked(scored: Sequence[Scored], leaders: Sequence[Scored]) -> list[Scored]:
+    """Return candidates with the one that is named first: ranked by gain, tested by score.
+
+    Of the significant ones that with the largest gain leads; of those that tie with it the one with the fewest parameters is
+    named, be it significant by itself or not: that something is there is known, and the least that predicts as well is said.
+    """
     order = sorted(scored, key=lambda s: -s.total)
-    alike = [s for s in order if s is order[0] or tied(order[0], s)]
+    names = {s.name for s in leaders}
+    leader = next(s for s in order if s.name in names)
+    alike = [s for s in order if s is leader or tied(leader, s)]
     first = min(alike, key=lambda s: (isinstance(s.candidate, Shape), s.size, -s.total))
     return [first, *(s for s in order if s is not first)]
 
@@ -177,9 +193,9 @@ class Selector:
         first, rounds, taken = base, [], []
         while len(rounds) < self.settings.rounds:
             self.say(f"round {len(rounds) + 1}")
-            step = self._round(base, noise, first=not rounds)
+            step = self._round(base, noise, found, rounds[-1] if rounds else None)
             rounds.append(step)
-            noise = step.noise
+            noise, found = step.noise, list(step.variability)
             if len(rounds) == 1:
                 first = step.base
             base = step.base
@@ -187,7 +203,7 @@ class Selector:
                 break
             base = step.best.fit
             taken.append((step.best.candidate, step))
-        return Selection(tuple(rounds), first, base, tuple(taken), tuple(directions(self.bench, base.values)))
+        return Selection(tuple(rounds), first, base, tuple(taken), tuple(found))
 
     def _first(self) -> Fit:
         """Fit the base model from every start there is; the best optimum is the one that is compared with."""
@@ -199,37 +215,59 @@ class Selector:
         best = sorted(tries, key=lambda f: f.cost)[:2]
         return min((fit(self.bench, noise, f.values, f.names) for f in best), key=lambda f: f.cost)
 
-    def _round(self, base: Fit, noise: Noise, *, first: bool) -> Round:
-        screens = self._screens(base)
-        shaped = shapes(self.bench, max(0.05, 0.1 * max(dry_level(base.values, c) for c in range(self.bench.carts))))
-        fits: dict[Name, tuple[Candidate, Fit]] = {}
+    def _round(self, base: Fit, noise: Noise, found: Sequence[Direction], last: Round | None) -> Round:
+        # around a model that is near, the simulation's own sensitivities tell more than the equation error
+        screens = self._screens(base) if last is None else []
+        before = _carried(last, base)
+        level = max(dry_level(base.values, c) for c in range(self.bench.carts))
+        shaped = shapes(self.bench, base.values, max(0.05, 0.1 * level))
+        linear = linearise(self.bench, noise, base, self.candidates, shaped)
+        fits = self._fits(base, noise, linear, screens, before)
         for turn in range(2):
-            linear = linearise(self.bench, noise, base, self.candidates, shaped)
-            fits = self._fits(base, noise, linear, screens, fits)
-            base = self._better_base(base, noise, fits)
+            better = self._better_base(base, noise, fits)
+            if better is not base:
+                base, linear = better, linear.around(better, noise)
             scored = self._scored(base, linear, fits)
             generous = self._generous(base, linear, scored)
-            if turn == 1 or not first:
+            if turn == 1:
                 break
             # noise levels of a model that lacks what is to be found would hide it
-            found = directions(self.bench, scored[0].fit.values if scored[0].fit else base.values)
+            model = scored[0].fit or base
+            found = directions(self.bench, model.values)
             noise = estimate(self.bench, generous, found)
             base = fit(self.bench, noise, base.values, base.names)
-        null = null_of(linear, generous, self.settings, self.rng)
-        scored = _ranked(scored)
-        p = null.p_value(scored[0].name, scored[0].total)
-        p_z = null.p_of_z(float(studentised(scored[0].gain)))
-        # the two statistics fail in different places; each is tested at the level
-        accepted = max(p, p_z) <= self.alpha
-        return Round(base, tuple(scored), null, noise, p, p_z, accepted and scored[0].total > 0.0, linear)
+            linear = linear.around(base, noise)
+            fits = self._refits(base, noise, fits)
+        null = null_of(linear, self.bench, generous, found, self.rng)
+        tested = [(max(_p_values(null, s)), s) for s in scored]
+        significant = [s for p, s in tested if p <= self.alpha and s.total > 0.0]
+        ranked = _ranked(self._pruned(base, noise, scored, significant), significant or scored)
+        p, p_rest = min((_p_values(null, s) for s in scored if s.name == ranked[0].name or tied(ranked[0], s)), key=max)
+        return Round(base, tuple(ranked), null, noise, p, p_rest, bool(significant), linear, tuple(found))
+
+    def _pruned(self, base: Fit, noise: Noise, scored: Sequence[Scored], significant: Sequence[Scored]) -> list[Scored]:
+        """Return candidates where the best one has no more sizes than it needs: one that predicts as well alone is enough."""
+        best = max(significant, key=lambda s: s.total, default=None)
+        if best is None or best.fit is None or not isinstance(best.candidate, Candidate):
+            return list(scored)
+        whole = best.candidate
+        if len(whole.sizes) < 2 or any(k.rsplit(".", 1)[-1] == "a_sin" for k, _ in whole.sizes):
+            return list(scored)
+        for size in whole.sizes:
+            part = replace(whole, sizes=(size,))
+            rest = [k for k in whole.keys if k not in part.keys]
+            start = {k: v for k, v in best.fit.values.items() if k not in rest}
+            smaller = fit(self.bench, noise, start, (*base.names, *part.keys))
+            own = Scored(part, smaller, gains(base.normal, smaller.normal, self.settings.damping), len(part.keys))
+            if tied(best, own):
+                return [own if s is best else s for s in scored]
+        return list(scored)
 
     def _screens(self, base: Fit) -> list[list[Proposal]]:
         present = {k: v for k, v in base.values.items() if k not in self.topology.free}
         candidates = [c for c in self.candidates if not any(k in base.values for k, _ in c.sizes)]
         return [
-            Screen(
-                self.bench.recordings, self.settings, self.bench.pool, present, resting=resting
-            ).propose(candidates)
+            Screen(self.bench.recordings, self.settings, self.bench.pool, present, resting=resting).propose(candidates)
             for resting in (False, True)
         ]
 
@@ -239,14 +277,12 @@ class Selector:
         noise: Noise,
         linear: Linear,
         screens: Sequence[Sequence[Proposal]],
-        known: Mapping[Name, tuple[Candidate, Fit]],
+        known: Sequence[tuple[Candidate, dict[str, float]]],
     ) -> dict[Name, tuple[Candidate, Fit]]:
         """Fit the proposed candidates by output error, each from all its starts."""
         jobs = self._jobs(base, linear, screens)
-        if known:
-            # the noise has changed since, not what is proposed: those that led, from where they ended
-            jobs = {n: [(c, old.values)] for n, (c, old) in sorted(known.items(), key=lambda i: i[1][1].cost)}
-
+        for candidate, start in known:
+            jobs.setdefault(candidate.name, []).append((candidate, start))
         columns = {e.candidate: e.columns for e in linear.entries if isinstance(e.candidate, Candidate)}
         inner = linear.columns[:, list(linear.base)]
         rate = base.scale[base.interior]
@@ -271,6 +307,19 @@ class Selector:
         ended = self.bench.pool.map(lambda n: fit(self.bench, noise, best[n][1].values, best[n][1].names), leading)
         return best | {n: (best[n][0], f) for n, f in zip(leading, ended, strict=True)}
 
+    def _refits(
+        self, base: Fit, noise: Noise, fits: Mapping[Name, tuple[Candidate, Fit]]
+    ) -> dict[Name, tuple[Candidate, Fit]]:
+        """Fit candidates again after the noise has changed, from where they ended."""
+        order = sorted(fits, key=lambda n: fits[n][1].cost)
+
+        def one(i: int) -> tuple[Candidate, Fit]:
+            candidate, old = fits[order[i]]
+            most = None if i < self.settings.finished else _TRY
+            return candidate, fit(self.bench, noise, old.values, (*base.names, *candidate.keys), iterations=most)
+
+        return dict(zip(order, self.bench.pool.map(one, range(len(order))), strict=True))
+
     def _jobs(
         self, base: Fit, linear: Linear, screens: Sequence[Sequence[Proposal]]
     ) -> dict[Name, list[tuple[Candidate, dict[str, float]]]]:
@@ -287,8 +336,11 @@ class Selector:
         for candidate, start in near:
             if candidate.name not in jobs and any(candidate.id in look_alikes(i) for i, _ in list(jobs)[:3]):
                 jobs[candidate.name] = [(candidate, start)]
-        for starts in jobs.values():
-            starts += [(c, _taking_over(c, base.values)) for c, _ in starts[:1] if c.takes]
+        # what a cart at rest hides has no sensitivity: it is always asked for, with the friction that hides it taken over
+        hidden = {c.name: c for c in self.candidates if c.takes and not any(k in base.values for k in c.keys)}
+        for candidate in hidden.values():
+            usual = replace(candidate, shapes=tuple((k, null_value(k)) for k, _ in candidate.shapes))
+            jobs.setdefault(candidate.name, []).append((usual, _taking_over(usual, base.values)))
         return jobs
 
     def _better_base(self, base: Fit, noise: Noise, fits: Mapping[Name, tuple[Candidate, Fit]]) -> Fit:
@@ -304,9 +356,7 @@ class Selector:
 
         return min([base, *self.bench.pool.map(one, leading)], key=lambda f: f.cost)
 
-    def _scored(
-        self, base: Fit, linear: Linear, fits: Mapping[Name, tuple[Candidate, Fit]]
-    ) -> list[Scored]:
+    def _scored(self, base: Fit, linear: Linear, fits: Mapping[Name, tuple[Candidate, Fit]]) -> list[Scored]:
         damping = self.settings.damping
         found: list[Scored] = [
             Scored(c, f, gains(base.normal, f.normal, damping), len(c.keys)) for c, f in fits.values()
@@ -326,7 +376,10 @@ class Selector:
         rivals: list[Entry] = list(here.entries)
         before = here.normal()
         for _ in range(self.settings.generous):
-            after = [(float(gains(before, here.normal([*columns, *e.columns]), self.settings.damping).sum()), e) for e in rivals]
+            after = [
+                (float(gains(before, here.normal([*columns, *e.columns]), self.settings.damping).sum()), e)
+                for e in rivals
+            ]
             gain, entry = max(after, key=lambda item: item[0])
             if gain <= 0.0:
                 break
@@ -381,6 +434,19 @@ def _linear_starts(base: Fit, linear: Linear, damping: float) -> list[tuple[Cand
         start_of = {**base.values, **entry.candidate.start, **own}
         found[entry.candidate.name] = (gain, entry.candidate, start_of)
     return [(c, s) for _, c, s in sorted(found.values(), key=lambda item: -item[0])]
+
+
+def _carried(last: Round | None, base: Fit) -> list[tuple[Candidate, dict[str, float]]]:
+    """Return the candidates that gained in the round before, from where they ended, beside what was accepted since."""
+    found = []
+    for s in last.scored[1:] if last is not None else ():
+        if s.fit is None or not isinstance(s.candidate, Candidate) or s.total <= 0.0:
+            continue
+        if not any(k in base.values for k in s.candidate.keys):
+            own = {k: s.fit.values[k] for k in s.candidate.keys}
+            # the second with the base parameters that it had changed as well
+            found += [(s.candidate, {**base.values, **own}), (s.candidate, {**base.values, **s.fit.values})]
+    return found
 
 
 def _leading(

@@ -22,7 +22,8 @@ class Settings:
     smoothing_s
         Standard deviation of the Gaussian that velocities pass inside non-linear terms [s]; a tenth of a test function.
     along_s
-        Step along the measured motion when an effect's force is taken from the drive's own step [s]: a twentieth of a test function.
+        Step along the measured motion when an effect's force is taken from the drive's own step [s]: a twentieth of a test
+        function.
     reversal
         Share of a recording's rms velocity under which a cart counts as near a reversal or at rest. Coulomb friction there is
         any force within its level, so the equation is not known.

@@ -33,7 +33,6 @@ from identification.diagnosis.settings import Settings
 from identification.output_error import Run, drive_vector, prepare
 from identification.signals import motions
 
-
 # a force beyond this is that of a step too long for its effect [V]
 _LARGEST = 1e6
 
@@ -148,9 +147,7 @@ def _under(f: FloatArray, kernel_: FloatArray, first: FloatArray) -> FloatArray:
 
 
 @kernel
-def _led(
-    u: Any, h: float, steps: int, states: Any, memory: Any, z: Any, p: Any, out: Any
-) -> None:
+def _led(u: Any, h: float, steps: int, states: Any, memory: Any, z: Any, p: Any, out: Any) -> None:
     """Write the mean acceleration over every sample of a drive that is put back on the measured motion before each."""
     q, m, w = pointer(p), pointer(memory), pointer(z)
     table = shifted(m, MEMORY)
@@ -180,7 +177,11 @@ def led(values: Mapping[str, float], motion_: Motion, every: int = 1) -> FloatAr
 
 
 def force_of(
-    values: Mapping[str, float], effect: Mapping[str, float], motion_: Motion, every: int, bare: FloatArray | None = None
+    values: Mapping[str, float],
+    effect: Mapping[str, float],
+    motion_: Motion,
+    every: int,
+    bare: FloatArray | None = None,
 ) -> FloatArray:
     """Return the force of an effect on each cart along a measured motion, weak, shape (2, K) [V].
 

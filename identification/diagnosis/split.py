@@ -93,15 +93,13 @@ def without_rest(recording: Recording) -> Recording:
 
 
 def cut(recording: Recording) -> tuple[Recording, ...]:
-    """Return the blocks of a recording, at most twelve; they keep its clock and, from summed velocities if need be, its places."""
+    """Return the blocks of a recording, at most twelve; they keep its clock and, from velocities if need be, its places."""
     h = recording.sample_time
     blocks = min(int(recording.n * h / _BLOCK_S), _MOST_BLOCKS)
     if blocks < 2:
         return (recording,)
     edges = np.linspace(0, recording.n, blocks + 1).astype(int)
-    return tuple(
-        _part(recording, a, b, f"{recording.name}, block {i + 1}") for i, (a, b) in enumerate(pairwise(edges))
-    )
+    return tuple(_part(recording, a, b, f"{recording.name}, block {i + 1}") for i, (a, b) in enumerate(pairwise(edges)))
 
 
 def _part(recording: Recording, a: int, b: int, name: str, *, shifted: bool = False) -> Recording:

@@ -63,7 +63,7 @@ class Candidate:
         return {**dict(self.shapes), self.sizes[i][0]: self.sizes[i][1]}
 
 
-def null_of(key: str) -> float:
+def null_value(key: str) -> float:
     """Return the value at which a parameter's effect is absent."""
     return LAYOUT[key].parameter.null
 
@@ -98,9 +98,7 @@ def _of(effect: Effect, where: str, topology: Topology) -> list[Candidate]:
     switches = [q for q in shapes if not isfinite(q.null)]
     if switches:
         # absent at infinity: a limit is its own size, and the grid its starts
-        return [
-            Candidate(effect.id, where, ((effect.key(where, q.name), v),)) for q in switches for v in q.starts
-        ]
+        return [Candidate(effect.id, where, ((effect.key(where, q.name), v),)) for q in switches for v in q.starts]
     takes = tuple(
         (effect.key(where, own), f"{base}{where[-1]}") for own, base in _TAKES_OVER.get(effect.id, {}).items()
     )
@@ -110,9 +108,7 @@ def _of(effect: Effect, where: str, topology: Topology) -> list[Candidate]:
         for group in _groups(sizes):
             levels = max(len(_levels(q)) for q in group)
             for level in range(levels):
-                own = tuple(
-                    (effect.key(where, q.name), _levels(q)[min(level, len(_levels(q)) - 1)]) for q in group
-                )
+                own = tuple((effect.key(where, q.name), _levels(q)[min(level, len(_levels(q)) - 1)]) for q in group)
                 found.append(Candidate(effect.id, where, own, tuple(chosen), takes))
     return found
 

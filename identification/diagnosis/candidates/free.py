@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 
 from flexdrive_gym.recording import FloatArray
-from identification.diagnosis.bench import Bench
+from identification.diagnosis.bench import Bench, Values
+from identification.output_error import simulate_run
 
 # knots of a free function: a bend in each half and one in the middle
 KNOTS = 7
-_SMOOTH_S = 0.006
 # share of samples beyond the outer knots: a spline says nothing where nobody was
 _TAIL = 1.0
 
@@ -54,10 +53,14 @@ class Shape:
         return self.id, self.where
 
 
-def shapes(bench: Bench, size: float) -> list[Shape]:
-    """Return the free functions that the recordings can tell: of velocity, command and time on each cart, of the deflection."""
+def shapes(bench: Bench, values: Values, size: float) -> list[Shape]:
+    """Return the free functions that the recordings can tell: of velocity, command and time on each cart, of the deflection.
+
+    Their variables are those of the simulation. A force that followed the measured motion would drag the simulation along with
+    it, as an observer does, and explain whatever was measured.
+    """
     found = []
-    signals = _signals(bench)
+    signals = _signals(bench, values)
     for variable, rows in signals.items():
         both = np.concatenate(rows)
         low, high = np.percentile(both, [_TAIL, 100.0 - _TAIL])
@@ -72,16 +75,16 @@ def shapes(bench: Bench, size: float) -> list[Shape]:
     return found
 
 
-def _signals(bench: Bench) -> dict[str, list[FloatArray]]:
+def _signals(bench: Bench, values: Values) -> dict[str, list[FloatArray]]:
     found: dict[str, list[FloatArray]] = {"command": [run.u for run in bench.runs]}
     found["time"] = [np.arange(len(run.u)) * run.sample_time for run in bench.runs]
+    motion = [simulate_run(values, replace(run, positions=True)) for run in bench.runs]
     for c in range(bench.carts):
         found[f"velocity {c + 1}"] = [
-            gaussian_filter1d(np.gradient(run.track[c], run.sample_time), _SMOOTH_S / run.sample_time)
-            for run in bench.runs
+            np.gradient(x[c], run.sample_time) for x, run in zip(motion, bench.runs, strict=True)
         ]
     if bench.carts == 2:
-        found["deflection"] = [run.track[0] - run.track[1] for run in bench.runs]
+        found["deflection"] = [x[0] - x[1] for x in motion]
     return found
 
 
