@@ -54,11 +54,11 @@ class Linear:
     columns: FloatArray
     noise: Noise
 
-    def normal(self, more: Sequence[int] = ()) -> Normal:
-        """Return the normal equations of the base model with some columns."""
+    def normal(self, more: Sequence[int] = (), *, plain: bool = False) -> Normal:
+        """Return the normal equations of the base model with some columns; ``plain`` scores without run-to-run variability."""
         use = [*self.base, *more, self.plain.shape[1] - 1]
         index = np.ix_(range(len(self.plain)), use, use)
-        return Normal.from_products(self.plain[index], self.white[index])
+        return Normal.from_products(self.plain[index], self.plain[index] if plain else self.white[index])
 
     def around(self, model: Fit, noise: Noise) -> Linear:
         """Return the candidates' columns with another base model and other noise, near enough for them to stay what they are."""

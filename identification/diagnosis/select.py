@@ -27,6 +27,8 @@ Say = Callable[[str], None]
 _TRY = 4
 # paired t under which two candidates predict alike
 TIE = 2.0
+# share of a gain that is no difference between two candidates
+NEGLIGIBLE = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,20 +116,28 @@ def _p_values(null: Null, scored: Scored) -> tuple[float, float]:
 def _ranked(scored: Sequence[Scored], leaders: Sequence[Scored]) -> list[Scored]:
     """Return candidates with the one that is named first: ranked by gain, tested by score.
 
-    Of the significant ones that with the largest gain leads; of those that tie with it the one with the fewest parameters is
-    named, be it significant by itself or not: that something is there is known, and the least that predicts as well is said.
+    Of the significant ones that with the largest gain shows that something is there. Whatever predicts as well or better is asked
+    who predicts best, be it significant by itself or not, and of those that tie with that one the least is said: the name with
+    the fewest parameters.
     """
     order = sorted(scored, key=lambda s: -s.total)
     names = {s.name for s in leaders}
     leader = next(s for s in order if s.name in names)
-    alike = [s for s in order if s is leader or tied(leader, s)]
+    top = next(s for s in order if s is leader or tied(leader, s))
+    alike = [s for s in order if s is top or tied(top, s)]
     first = min(alike, key=lambda s: (isinstance(s.candidate, Shape), s.size, -s.total))
     return [first, *(s for s in order if s is not first)]
 
 
 def tied(best: Scored, other: Scored) -> bool:
-    """Whether the paired scores of two candidates do not differ, and the other one predicts nearly as well."""
-    return other.total > 0.5 * best.total and float(studentised(best.gain - other.gain)) < TIE
+    """Whether the paired scores of two candidates do not differ, and the other one predicts nearly as well.
+
+    Two names for one force differ by round-off alone, the same in all recordings: that is no difference either.
+    """
+    if other.total < 0.5 * best.total:
+        return False
+    difference = best.gain - other.gain
+    return float(difference.sum()) < NEGLIGIBLE * abs(best.total) or float(studentised(difference)) < TIE
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,7 +242,7 @@ class Selector:
             if turn == 1:
                 break
             # noise levels of a model that lacks what is to be found would hide it
-            model = scored[0].fit or base
+            model = min([base, *(s.fit for s in scored if s.fit is not None)], key=lambda f: f.cost)
             found = directions(self.bench, model.values)
             noise = estimate(self.bench, generous, found)
             base = fit(self.bench, noise, base.values, base.names)
@@ -242,7 +252,7 @@ class Selector:
         tested = [(max(_p_values(null, s)), s) for s in scored]
         significant = [s for p, s in tested if p <= self.alpha and s.total > 0.0]
         ranked = _ranked(self._pruned(base, noise, scored, significant), significant or scored)
-        p, p_rest = min((_p_values(null, s) for s in scored if s.name == ranked[0].name or tied(ranked[0], s)), key=max)
+        p, p_rest = min((_p_values(null, s) for s in significant or ranked[:1]), key=max)
         return Round(base, tuple(ranked), null, noise, p, p_rest, bool(significant), linear, tuple(found))
 
     def _pruned(self, base: Fit, noise: Noise, scored: Sequence[Scored], significant: Sequence[Scored]) -> list[Scored]:
@@ -368,26 +378,28 @@ class Selector:
         return sorted(found, key=lambda s: -s.total)
 
     def _generous(self, base: Fit, linear: Linear, scored: Sequence[Scored]) -> FloatArray:
-        """Return the residual of a model with the best candidate and, linearly, whatever else gains besides it."""
-        best = next((s for s in scored if s.fit is not None), None)
-        residual = base.residual if best is None or best.fit is None or best.total <= 0.0 else best.fit.residual
-        here = linear.against(residual)
+        """Return the residual of a model with the best candidate and, linearly, whatever else gains besides it.
+
+        What gains is judged without run-to-run variability: its size is estimated from this residual, and what it had swallowed
+        would stay swallowed.
+        """
+        fits = [s.fit for s in scored if s.fit is not None]
+        best = min([base, *fits], key=lambda f: f.cost)
+        here = linear.against(best.residual)
         columns: list[int] = []
-        rivals: list[Entry] = list(here.entries)
-        before = here.normal()
+        rest: list[Entry] = list(here.entries)
+        before = here.normal(plain=True)
         for _ in range(self.settings.generous):
-            after = [
-                (float(gains(before, here.normal([*columns, *e.columns]), self.settings.damping).sum()), e)
-                for e in rivals
-            ]
-            gain, entry = max(after, key=lambda item: item[0])
+            after = [(here.normal([*columns, *e.columns], plain=True), e) for e in rest]
+            gain, i = max((float(gains(before, n, self.settings.damping).sum()), i) for i, (n, _) in enumerate(after))
             if gain <= 0.0:
                 break
+            before, entry = after[i]
             columns += [c for c in entry.columns if c not in columns]
-            before = here.normal(columns)
-            rivals.remove(entry)
+            before = here.normal(columns, plain=True)
+            rest.remove(entry)
         step = before.solve(self.settings.damping)
-        return np.asarray(residual + linear.columns[:, [*linear.base, *columns]] @ step)
+        return np.asarray(best.residual + linear.columns[:, [*linear.base, *columns]] @ step)
 
 
 def _base_starts(bench: Bench, topology: Topology) -> list[dict[str, float]]:
