@@ -4,7 +4,7 @@ A draw is the present model's simulation plus the *actual* residual of a generou
 Webb's six-point multiplier) drawn for every recording, with the most probable run-to-run variability in it replaced by a random
 one. Colour, size and coherence with the motion stay what they are; what all recordings share is gone, but for the track, which is
 the same in all of them and is drawn as such. Every candidate's gain is computed in every draw as it is in the data. Each name is
-judged against its own mean and spread over the draws, for a candidate that acts near reversals gains much in data that lack
+judged against its own median and upper spread over the draws, for a candidate that acts near reversals gains much in data that lack
 nothing; the largest over the catalogue gives the p-value. M. Webb, Reworking wild bootstrap based inference for clustered errors,
 2014.
 """
@@ -24,6 +24,8 @@ from identification.diagnosis.nuisance import Direction, drawn
 from identification.diagnosis.score import Normal, trimmed
 
 Name = tuple[str, str]
+# quantile that tells the spread of a null distribution's upper half, and what it is of a standard normal variable
+_UPPER, _NORMAL = 0.9, 1.2816
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +35,7 @@ class Null:
     Attributes
     ----------
     mean, spread
-        Of every name's gain over the draws.
+        Centre and upper spread of every name's gain over the draws.
     largest : ndarray, shape (draws,)
         Largest standardised gain of any name.
     trimmed_mean, trimmed_spread, largest_trimmed
@@ -48,7 +50,7 @@ class Null:
     largest_trimmed: FloatArray
 
     def score(self, name: Name, gain: float) -> float:
-        """Return a gain in spreads of its own null distribution above its mean."""
+        """Return a gain in spreads of its own null distribution above its centre."""
         typical = float(np.median(list(self.spread.values())))
         return (gain - self.mean.get(name, 0.0)) / self.spread.get(name, typical)
 
@@ -153,8 +155,9 @@ def null_of(
 
 def _standardised(gain: dict[Name, FloatArray]) -> tuple[dict[Name, float], dict[Name, float], FloatArray]:
     """Return every name's mean and spread over the draws, and the largest standardised gain of every draw."""
-    mean = {n: float(np.mean(g)) for n, g in gain.items()}
-    raw = {n: float(np.std(g)) for n, g in gain.items()}
+    mean = {n: float(np.median(g)) for n, g in gain.items()}
+    # predicting others badly has no limit, predicting them well has: the spread that matters is that of the upper half
+    raw = {n: (float(np.quantile(g, _UPPER)) - mean[n]) / _NORMAL for n, g in gain.items()}
     # a candidate that hardly changes anything has no spread to be judged by
     least = 0.25 * float(np.median(list(raw.values())))
     spread = {n: max(s, least, 1e-9) for n, s in raw.items()}
