@@ -16,7 +16,7 @@ from flexdrive_gym import Drive
 from flexdrive_gym.drive.effects import EFFECTS
 from flexdrive_gym.drive.parameters import checked, parameter
 from flexdrive_gym.recording import Recording
-from identification.diagnosis.bench import Bench, Values
+from identification.diagnosis.bench import Bench, Values, free
 from identification.diagnosis.candidates.catalogue import Candidate
 from identification.diagnosis.fit import intervals
 from identification.diagnosis.homogeneity import homogeneity
@@ -188,7 +188,7 @@ def _experiment(candidate: Candidate) -> str | None:
 
 
 def _fit_of(recording: Recording, first: Values, model: Values, part: str) -> RecordingFit:
-    run = prepare(recording)
+    run = free(prepare(recording))
     before, after = (_velocity_errors(run, v) for v in (first, model))
     places = [_position_error(recording, run, v) for v in (first, model)]
     counts = np.sqrt(np.mean(run.floor)) if run.floor else float("nan")
@@ -212,5 +212,5 @@ def _position_error(recording: Recording, run: Run, values: Values) -> float | N
 
 
 def _rms(recordings: Sequence[Recording], values: Mapping[str, float]) -> float:
-    each = [_velocity_errors(prepare(r), values) for r in recordings]
+    each = [_velocity_errors(free(prepare(r)), values) for r in recordings]
     return float(np.sqrt(np.mean(np.square(each)))) if each else float("nan")

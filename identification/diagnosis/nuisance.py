@@ -118,7 +118,7 @@ def drawn(
             angle = 2.0 * np.pi * place / length
             amplitude[:, :, i] = track[:, :1] * np.cos(angle) - track[:, 1:] * np.sin(angle)
             amplitude[:, :, j] = track[:, :1] * np.sin(angle) + track[:, 1:] * np.cos(angle)
-    return amplitude * np.array([d.size * scale.get(d.group, 1.0) for d in found])
+    return np.asarray(amplitude * np.array([d.size * scale.get(d.group, 1.0) for d in found]))
 
 
 def dry_level(values: Values, c: int) -> float:

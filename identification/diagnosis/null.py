@@ -4,9 +4,9 @@ A draw is the present model's simulation plus the *actual* residual of a generou
 Webb's six-point multiplier) drawn for every recording, with the most probable run-to-run variability in it replaced by a random
 one. Colour, size and coherence with the motion stay what they are; what all recordings share is gone, but for the track, which is
 the same in all of them and is drawn as such. Every candidate's gain is computed in every draw as it is in the data. Each name is
-judged against its own median and upper spread over the draws, for a candidate that acts near reversals gains much in data that lack
-nothing; the largest over the catalogue gives the p-value. M. Webb, Reworking wild bootstrap based inference for clustered errors,
-2014.
+judged against its own median and upper spread over the draws, for a candidate that acts near reversals gains much in data that
+lack nothing; the largest over the catalogue gives the p-value. M. Webb, Reworking wild bootstrap based inference for clustered
+errors, 2014.
 """
 
 from __future__ import annotations

@@ -66,9 +66,9 @@ class _Rows:
 
     def projected(self, columns: FloatArray, weight: FloatArray) -> FloatArray:
         """Weight columns, shape (2K, m), and take the offsets of the deflection out."""
-        y = columns[self.use] * weight[:, None]
+        y = np.asarray(columns[self.use] * weight[:, None])
         if self.offsets.shape[1] == 0:
-            return y
+            return np.asarray(y)
         Q, R = np.linalg.qr(self.offsets[self.use] * weight[:, None])
         Q = Q[:, np.abs(np.diag(R)) > 1e-9]
         return np.asarray(y - Q @ (Q.T @ y))
@@ -114,7 +114,8 @@ class Screen:
         self._base()
 
     def _base(self) -> None:
-        ratio, own = (self.ratio if self.carts == 2 else 1.0), [None] * len(self.motions)
+        ratio = self.ratio if self.carts == 2 else 1.0
+        own: list[FloatArray | None] = [None] * len(self.motions)
         for turn in range(4):
             self.rows = [_rows(m, ratio, shared=turn > 0, resting=self.resting) for m in self.motions]
             self._present_columns(ratio)
@@ -201,7 +202,9 @@ class Screen:
             for i in range(len(c.sizes))
         }
         bare = [self._bare(held=held) for held in (False, True)]
-        jobs = self.pool.map(lambda item: self._force_columns(*item, bare[item[0] in FRICTION_EFFECTS]), asked.values())
+        jobs = self.pool.map(
+            lambda item: self._force_columns(item[1], item[2], bare[item[0] in FRICTION_EFFECTS]), asked.values()
+        )
         made = dict(zip(asked, jobs, strict=True))
         for candidate in candidates:
             columns = []
@@ -229,7 +232,7 @@ class Screen:
         return values, [led(values, m, self._every(m)) for m in self.motions]
 
     def _force_columns(
-        self, _id: str, effect: Values, size: float, bare: tuple[dict[str, float], list[FloatArray]]
+        self, effect: Values, size: float, bare: tuple[dict[str, float], list[FloatArray]]
     ) -> list[FloatArray]:
         return [
             _column(force_of(bare[0], effect, m, self._every(m), known) / size, row, self.ratio)

@@ -200,7 +200,9 @@ class Selector:
         found = directions(self.bench, base.values)
         noise = estimate(self.bench, base.residual, found)
         base = fit(self.bench, noise, base.values, base.names)
-        first, rounds, taken = base, [], []
+        first = base
+        rounds: list[Round] = []
+        taken: list[tuple[Candidate, Round]] = []
         while len(rounds) < self.settings.rounds:
             self.say(f"round {len(rounds) + 1}")
             step = self._round(base, noise, found, rounds[-1] if rounds else None)

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from scipy.ndimage import gaussian_filter1d
 
 from flexdrive_gym.drive.compilation import kernel, pointer, shifted
@@ -73,7 +74,7 @@ class Motion:
     segment: FloatArray
     sliding: BoolArray
     kernels: tuple[FloatArray, FloatArray, FloatArray]
-    windows: FloatArray
+    windows: npt.NDArray[np.int64]
 
     def weak(self, f: FloatArray) -> FloatArray:
         """Return the mean of a signal of shape (..., n) under each test function, shape (..., K)."""
@@ -101,7 +102,7 @@ def motion(recording: Recording, settings: Settings, window_s: float) -> Motion:
     first = np.arange(0, max(recording.n - length, 1), max(1, round(settings.hop_s / h)))
     span = np.lib.stride_tricks.sliding_window_view
     whole = span(good, length)[first].all(axis=1) if recording.n > length else np.zeros(len(first), dtype=bool)
-    first = first[whole]
+    first = first[whole].astype(np.int64)
     slow = settings.reversal * np.sqrt(np.mean(v**2, axis=1))
     sliding = np.array([_keeps(span(row, length)[first], limit) for row, limit in zip(v, slow, strict=True)])
     return Motion(
@@ -141,7 +142,7 @@ def _test_functions(length: int, h: float) -> tuple[FloatArray, FloatArray, Floa
     return phi / total, first, second
 
 
-def _under(f: FloatArray, kernel_: FloatArray, first: FloatArray) -> FloatArray:
+def _under(f: FloatArray, kernel_: FloatArray, first: npt.NDArray[np.int64]) -> FloatArray:
     views = np.lib.stride_tricks.sliding_window_view(f, len(kernel_), axis=-1)[..., first, :]
     return np.asarray(views @ kernel_)
 

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from flexdrive_gym.recording import FloatArray
-from identification.diagnosis.bench import Bench, Values
+from identification.diagnosis.bench import Bench, Values, free
 from identification.output_error import simulate_run
 
 # knots of a free function: a bend in each half and one in the middle
@@ -78,10 +78,11 @@ def shapes(bench: Bench, values: Values, size: float) -> list[Shape]:
 def _signals(bench: Bench, values: Values) -> dict[str, list[FloatArray]]:
     found: dict[str, list[FloatArray]] = {"command": [run.u for run in bench.runs]}
     found["time"] = [np.arange(len(run.u)) * run.sample_time for run in bench.runs]
-    motion = [simulate_run(values, replace(run, positions=True)) for run in bench.runs]
+    motion = [simulate_run(values, replace(free(run), positions=True)) for run in bench.runs]
     for c in range(bench.carts):
         found[f"velocity {c + 1}"] = [
-            np.gradient(x[c], run.sample_time) for x, run in zip(motion, bench.runs, strict=True)
+            np.asarray(np.gradient(x[c], run.sample_time), dtype=np.float64)
+            for x, run in zip(motion, bench.runs, strict=True)
         ]
     if bench.carts == 2:
         found["deflection"] = [x[0] - x[1] for x in motion]
