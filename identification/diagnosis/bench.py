@@ -1,0 +1,205 @@
+"""Recordings of one drive as rows of residuals: simulated in batches, compared by velocity or, if motion is small, position."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from flexdrive_gym.drive.effects import LAYOUT
+from flexdrive_gym.recording import BoolArray, FloatArray, Recording
+from identification.diagnosis.settings import Settings
+from identification.output_error import Run, prepare
+from identification.together import Together
+
+Values = Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """Rows of one cart in one recording.
+
+    Attributes
+    ----------
+    recording, cart
+        Numbers from 0.
+    rows
+        Where they are.
+    """
+
+    recording: int
+    cart: int
+    rows: slice
+
+
+class Bench:
+    """Recordings of one drive, and the residuals of any drive against them.
+
+    Rows are block means of measured minus simulated motion, 5 ms long: velocities [mm/s], or positions [mm] in recordings whose
+    motion is so small that a velocity would be rounding. Recordings compared by velocity come first.
+
+    Parameters
+    ----------
+    recordings
+        Of one drive.
+    pool
+        Simulates several drives at once.
+    settings
+        Constants.
+    """
+
+    def __init__(self, recordings: Sequence[Recording], pool: ThreadPoolExecutor, settings: Settings) -> None:
+        prepared = [comparable(r, settings) for r in recordings]
+        order = sorted(range(len(prepared)), key=lambda i: prepared[i].positions)
+        self.recordings = [recordings[i] for i in order]
+        self.runs = [prepared[i] for i in order]
+        self.pool, self.settings = pool, settings
+        self._batches, first = [], 0
+        for positions in (False, True):
+            runs = [free(run) for run in self.runs if run.positions == positions]
+            if runs:
+                self._batches.append((slice(first, first + len(runs)), Together(runs)))
+                first += len(runs)
+        self.pieces, self.valid = _layout(self.runs)
+        self.rows = [
+            slice(mine[0].rows.start, mine[-1].rows.stop)
+            for r in range(len(self.runs))
+            for mine in [[p for p in self.pieces if p.recording == r]]
+        ]
+
+    @property
+    def carts(self) -> int:
+        """How many carts are simulated."""
+        return len(self.runs[0].measured)
+
+    @cached_property
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        """Return tighter bounds than the catalogue's: a wave longer than the way travelled cannot be told from a spring."""
+        found = {}
+        for key, slot in LAYOUT.items():
+            if slot.parameter.name == "P":
+                c = 1 if slot.where in {"cart_2", "encoder_2"} and self.carts == 2 else 0
+                way = max(float(np.ptp(run.track[c])) for run in self.runs)
+                found[key] = (slot.parameter.lower, max(way, 2.0 * slot.parameter.lower))
+        return found
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the recordings in the order of the rows."""
+        return [run.name for run in self.runs]
+
+    def residual(self, values: Values, pushes: Sequence[FloatArray] | None = None) -> FloatArray:
+        """Return the rows of one drive, shape (N,).
+
+        Parameters
+        ----------
+        values
+            Parameters of the drive.
+        pushes
+            Additional forces on the carts [V] per recording, ndarray, shape (2, n).
+        """
+        parts = []
+        for which, batch in self._batches:
+            force = None if pushes is None else list(pushes[which])
+            parts.append(batch.residual(values, np.zeros(len(batch.runs)), pushes=force))
+        return np.concatenate(parts)
+
+    def residuals(self, many: Sequence[Values]) -> list[FloatArray]:
+        """Return the rows of many drives."""
+        return list(self.pool.map(self.residual, many))
+
+    def pushed(self, values: Values, forces: Sequence[Callable[[int], FloatArray]], size: float) -> list[FloatArray]:
+        """Return how the rows change per unit of additional forces.
+
+        Parameters
+        ----------
+        forces
+            Functions from a recording's number to a force on each cart of order 1, ndarray, shape (2, n).
+        size
+            Force [V] at which the change is taken.
+        """
+        here = self.residual(values, [np.zeros((2, len(run.u))) for run in self.runs])
+
+        def one(force: Callable[[int], FloatArray]) -> FloatArray:
+            moved = self.residual(values, [size * force(r) for r in range(len(self.runs))])
+            return np.asarray((moved - here) / size)
+
+        return list(self.pool.map(one, forces))
+
+    def displaced(self, values: Values, deflection: float) -> FloatArray:
+        """Return how the rows change per millimetre of spring deflection at the start of every recording, shape (N,)."""
+        start = np.array([0.0, 0.0, -deflection, 0.0])
+        moved = [
+            Together([replace(run, start=run.start + start) for run in batch.runs]).residual(
+                values, np.zeros(len(batch.runs))
+            )
+            for _, batch in self._batches
+        ]
+        change = (np.concatenate(moved) - self.residual(values)) / deflection
+        for piece in self.pieces:
+            if piece.cart == 1 and self.runs[piece.recording].positions:
+                # an encoder starts where it is
+                change[piece.rows] -= 1.0 * self.valid[piece.rows]
+        return np.asarray(change)
+
+    @cached_property
+    def signal(self) -> FloatArray:
+        """Return the mean square of what was measured, per piece, shape (pieces,)."""
+        found = []
+        for p in self.pieces:
+            run = self.runs[p.recording]
+            y = run.measured[p.cart][run.keep[p.cart]]
+            y = y - y[0] if run.positions and len(y) else y
+            found.append(float(np.mean(y**2)) if len(y) else 0.0)
+        return np.array(found)
+
+    @cached_property
+    def floor(self) -> FloatArray:
+        """Return the least variance of a row that encoder counts allow, per piece, shape (pieces,)."""
+        found = []
+        for p in self.pieces:
+            run = self.runs[p.recording]
+            q = run.counts[p.cart] if len(run.counts) > p.cart else 0.0
+            # a count does not average out of a position; a difference of counts errs by one over a whole block
+            found.append(q**2 / 12.0 if run.positions else (q / run.sample_time / run.block) ** 2 / 6.0)
+        return np.asarray(np.maximum(np.array(found), 1e-12))
+
+
+def free(run: Run) -> Run:
+    """Return a run whose effects of position follow the simulation from where the carts started, not the measured track.
+
+    A spring to ground that pulls by the measured position holds no simulation back: it drifts, and says nothing of the spring.
+    """
+    track = np.full_like(run.track, np.nan)
+    track[:, 0] = run.track[:, 0]
+    return replace(run, track=track)
+
+
+def comparable(recording: Recording, settings: Settings) -> Run:
+    """Return a recording ready for simulation, by velocity or, where that is mostly rounding, by position."""
+    run = prepare(recording)
+    places = [x for x in (recording.x1, recording.x2) if x is not None]
+    if len(places) != len(run.measured) or not all(q > 0.0 for q in run.counts):
+        return run
+    b = run.block
+    for v, x, keep, q in zip(run.measured, places, run.keep, run.counts, strict=True):
+        usable = v[: len(v) // b * b][keep[: len(v) // b * b]] if keep.all() else v[keep]
+        blocks = usable[: len(usable) // b * b].reshape(-1, b).mean(axis=1)
+        noise = q / (run.sample_time * b) / np.sqrt(6.0)
+        if float(np.mean(blocks**2)) > ((1.0 + settings.small_motion) * noise) ** 2 or float(np.ptp(x)) > 40.0 * q:
+            return run
+    return replace(run, measured=places, floor=[q**2 / 12.0 for q in run.counts], positions=True)
+
+
+def _layout(runs: Sequence[Run]) -> tuple[list[Piece], BoolArray]:
+    pieces, valid, begin = [], [], 0
+    for r, run in enumerate(runs):
+        edges = np.arange(0, len(run.u), run.block)
+        for c, keep in enumerate(run.keep):
+            pieces.append(Piece(r, c, slice(begin, begin + len(edges))))
+            valid.append(np.add.reduceat(keep.astype(np.float64), edges) > 0.0)
+            begin += len(edges)
+    return pieces, np.concatenate(valid)

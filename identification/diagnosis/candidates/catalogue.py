@@ -1,0 +1,137 @@
+"""Candidates of the catalogue: every effect at every place, its sizes alone and together, on a grid of its shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from itertools import product
+from math import isfinite
+
+from flexdrive_gym.drive.effects import EFFECTS, LAYOUT, Effect, Parameter
+from identification.topology import Topology
+
+# part of every topology, or of the measurement rather than of the rig
+_NO_CANDIDATES = frozenset({"viscous_friction", "spring", "encoder_quantisation", "velocity_processing"})
+# base friction that a candidate can take over whole, since a cart held by it would never show the candidate
+_TAKES_OVER = {"presliding": {"fd": "d"}}
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect at one place, with what a fit moves and where it starts.
+
+    Attributes
+    ----------
+    id, where
+        Of the catalogue.
+    sizes
+        Keys of the amplitudes and a plainly present value of each.
+    shapes
+        Keys of the non-linear parameters and one value of each.
+    takes
+        Sizes that may take over a base parameter: key to the base parameter.
+    """
+
+    id: str
+    where: str
+    sizes: tuple[tuple[str, float], ...]
+    shapes: tuple[tuple[str, float], ...] = ()
+    takes: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def name(self) -> tuple[str, str]:
+        """Effect and place: what a finding is called by."""
+        return self.id, self.where
+
+    @property
+    def variant(self) -> tuple[str, ...]:
+        """Which of the effect's sizes are free; variants of one name compete with each other."""
+        return (self.id, self.where, *(k for k, _ in self.sizes))
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Parameters that a fit of this candidate moves."""
+        return tuple(k for k, _ in (*self.sizes, *self.shapes))
+
+    @property
+    def start(self) -> dict[str, float]:
+        """Sizes and shapes at their start values."""
+        return dict((*self.sizes, *self.shapes))
+
+    def one(self, i: int) -> dict[str, float]:
+        """Return the parameters with size i at its start value and the others at null."""
+        return {**dict(self.shapes), self.sizes[i][0]: self.sizes[i][1]}
+
+
+def null_value(key: str) -> float:
+    """Return the value at which a parameter's effect is absent."""
+    return LAYOUT[key].parameter.null
+
+
+def catalogue(topology: Topology, known: Collection[str] = ()) -> list[Candidate]:
+    """Return every candidate for a drive.
+
+    Parameters
+    ----------
+    topology
+        Which places there are, and what every fit moves.
+    known
+        Parameters the model already has; their effects are no candidates.
+    """
+    taken = {*known, *topology.free, *topology.fixed}
+    found = []
+    for effect in EFFECTS:
+        if effect.id in _NO_CANDIDATES:
+            continue
+        for where in effect.where:
+            keys = [effect.key(where, q.name) for q in effect.parameters]
+            if topology.offers(where) and not any(key in taken for key in keys):
+                found += _of(effect, where, topology)
+    return found
+
+
+def _of(effect: Effect, where: str, topology: Topology) -> list[Candidate]:
+    sizes = [q for q in effect.parameters if q.role == "size"]
+    shapes = [q for q in effect.parameters if q.role == "shape"]
+    if topology.carts == 1:
+        sizes = [q for q in sizes if not q.name.endswith("_2")]
+    switches = [q for q in shapes if not isfinite(q.null)]
+    if switches:
+        # absent at infinity: a limit is its own size, and the grid its starts
+        return [Candidate(effect.id, where, ((effect.key(where, q.name), v),)) for q in switches for v in q.starts]
+    takes = tuple(
+        (effect.key(where, own), f"{base}{where[-1]}") for own, base in _TAKES_OVER.get(effect.id, {}).items()
+    )
+    found = []
+    grids = [[(effect.key(where, q.name), v) for v in q.starts] for q in shapes]
+    for chosen in product(*grids):
+        for group in _groups(sizes):
+            levels = max(len(_levels(q)) for q in group)
+            for level in range(levels):
+                own = tuple((effect.key(where, q.name), _levels(q)[min(level, len(_levels(q)) - 1)]) for q in group)
+                found.append(Candidate(effect.id, where, own, tuple(chosen), takes))
+    return found
+
+
+def _groups(sizes: list[Parameter]) -> list[list[Parameter]]:
+    """Return sizes one by one and all together; sine and cosine of a ripple are one thing."""
+    waves = [q for q in sizes if q.name in {"a_sin", "a_cos"}]
+    single = [[q] for q in sizes if q not in waves] + ([waves] if waves else [])
+    return single if len(single) < 2 or waves else [*single, sizes]
+
+
+def _levels(q: Parameter) -> tuple[float, ...]:
+    """Sizes at which a sensitivity is taken: non-linear effects look different when small."""
+    return tuple(sorted({abs(v) for v in q.starts}))
+
+
+def look_alikes(effect: str) -> set[str]:
+    """Return the ids of the effects known to look like one, or that it is known to look like."""
+    return {e.id for e in EFFECTS if effect in e.looks_like} | {
+        i for e in EFFECTS if e.id == effect for i in e.looks_like
+    }
+
+
+def with_parameters(values: Mapping[str, float], more: Mapping[str, float]) -> dict[str, float]:
+    """Return a drive with further parameters."""
+    return {**values, **more}

@@ -1,0 +1,84 @@
+"""Every constant of the diagnosis, with its unit, default and derivation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Constants of the diagnosis; none belongs to a single effect or rig.
+
+    Attributes
+    ----------
+    window_s
+        Length of the test functions of the weak form [s]. A drive's resonance lies at a few hertz; 60 ms keeps what is slower
+        than about 20 Hz and averages encoder counts.
+    long_window_s
+        A second length [s]. Equations that hold give the same masses with both; where they do not, the equation error is
+        dominated by noise in the regressors and only proposes.
+    hop_s
+        Distance of neighbouring test functions [s]: a quarter of their length, so that nothing falls between two.
+    smoothing_s
+        Standard deviation of the Gaussian that velocities pass inside non-linear terms [s]; a tenth of a test function.
+    along_s
+        Step along the measured motion when an effect's force is taken from the drive's own step [s]: a twentieth of a test
+        function.
+    reversal
+        Share of a recording's rms velocity under which a cart counts as near a reversal or at rest. Coulomb friction there is
+        any force within its level, so the equation is not known.
+    agreement
+        Factor within which masses with the acceleration and with the force as target, and with both windows, must agree for
+        the equation error to be trusted. On simulated rigs they agree within 8 %; noise in the regressors gives factors of three.
+    model_error
+        Share of the signal's variance that a model of a drive is expected to miss where nothing else is known [1]. It only
+        sets the weights of the first fit; afterwards each recording's own residual does.
+    own_share
+        Weight of a recording's own residual variance against that expected from its signal [1]. Variances wholly free reward a
+        wrong model for fitting few quiet recordings exactly; variances wholly expected ignore a noisy one.
+    proposals
+        Candidates fitted by output error per round, half of them by each screen. The true effect was among the first five on
+        every development data set that was looked at.
+    finished
+        Candidates per round whose fits are carried to the end; the others are left after a few steps, for none of them came
+        within half of the best one's gain on development data.
+    generous
+        Largest number of further candidates that the generous model takes in linearly: enough for what is left besides the
+        effect in question, few against the rows of one recording.
+    draws
+        Null draws; 999 resolve p = 0.001.
+    few
+        Recordings under which sign flips are too few and Webb's six-point weights are used: 2^(12 - 1) = 2048 flips.
+    rounds
+        Largest number of effects: five fill the tables of a report, and no development data set has more than two.
+    small_motion
+        Rms velocity over the noise that encoder counts make in a block, under which positions are compared instead [1]: there
+        a difference of counts is mostly rounding, and the counts themselves are not.
+    damping
+        Ridge of leave-one-out steps relative to the diagonal of the information [1]: far below the share that one recording has
+        in any parameter, far above round-off.
+    iterations
+        Gauss-Newton steps of a fit.
+    tolerance
+        Relative decrease of the squared error that ends a fit [1]; a thousandth of what a candidate has to gain.
+    """
+
+    window_s: float = 0.06
+    long_window_s: float = 0.2
+    hop_s: float = 0.015
+    smoothing_s: float = 0.006
+    along_s: float = 0.003
+    reversal: float = 0.15
+    agreement: float = 1.5
+    model_error: float = 0.02
+    own_share: float = 0.5
+    proposals: int = 10
+    finished: int = 6
+    generous: int = 6
+    draws: int = 999
+    few: int = 12
+    rounds: int = 5
+    small_motion: float = 1.0
+    damping: float = 1e-6
+    iterations: int = 25
+    tolerance: float = 1e-4
