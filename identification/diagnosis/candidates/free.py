@@ -77,7 +77,7 @@ def shapes(bench: Bench, values: Values, size: float) -> list[Shape]:
 
 def _signals(bench: Bench, values: Values) -> dict[str, list[FloatArray]]:
     found: dict[str, list[FloatArray]] = {"command": [run.u for run in bench.runs]}
-    found["time"] = [np.arange(len(run.u)) * run.sample_time for run in bench.runs]
+    found["time"] = [run.sample_time * np.arange(len(run.u), dtype=np.float64) for run in bench.runs]
     motion = [simulate_run(values, replace(free(run), positions=True)) for run in bench.runs]
     for c in range(bench.carts):
         found[f"velocity {c + 1}"] = [
