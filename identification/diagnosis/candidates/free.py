@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -76,7 +77,7 @@ def shapes(bench: Bench, values: Values, size: float) -> list[Shape]:
 
 
 def _signals(bench: Bench, values: Values) -> dict[str, list[FloatArray]]:
-    found: dict[str, list[FloatArray]] = {"command": [run.u for run in bench.runs]}
+    found: dict[str, list[Any]] = {"command": [run.u for run in bench.runs]}
     found["time"] = [np.arange(len(run.u)) * run.sample_time for run in bench.runs]
     motion = [simulate_run(values, replace(free(run), positions=True)) for run in bench.runs]
     for c in range(bench.carts):
