@@ -8,6 +8,7 @@ that keep time with the drive are impacts, not faults.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
     from flexdrive_gym.recording import Recording
 
+ROUNDED = 2.0  # counts by which a difference of readings may be off
 RECURRING = 3  # events at one phase of the drive
 UNMOVED = 5.0  # mm that the other cart travels while a dead encoder never counts
 
@@ -66,7 +68,9 @@ def encoder_faults(recordings: Sequence[Recording], where: Encoder) -> tuple[lis
         found = [fault for still in frozen for fault in _freeze(recording, where, still)]
         speed = channels[k]
         if speed is not None:
-            dips = find_dips(*speed, stills[k])
+            # a reading that is off by a count or two is rounded, not lost
+            least = ROUNDED * recording.quantum[int(where[-1]) - 1] / recording.sample_time
+            dips = [dip for dip in find_dips(*speed, stills[k]) if abs(dip.lost) > least]
             dips, jolted = _sporadic(recording, dips, dips)
             found += [_momentary(recording, where, dip) for dip in dips] + _leaps(recording, where)
             struck += jolted
@@ -96,14 +100,15 @@ def _loss(recording: Recording, where: Encoder, still: Standstill, start: int, s
     this one, says about how far both went.
     """
     by_speed = 0.5 * (still.before + still.after) * (stop - start) * recording.sample_time
-    text = f"about {by_speed:.3g} mm lost by the speeds at the freeze's edges"
+    mm = partial(recording.units.text, unit="mm", digits=3)
+    text = f"about {mm(by_speed)} lost by the speeds at the freeze's edges"
     other = channel(recording, "x2" if where == "encoder_1" else "x1")
-    return text if other is None else f"{text}, {other[stop] - other[start]:.3g} mm by the other cart"
+    return text if other is None else f"{text}, {mm(float(other[stop] - other[start]))} by the other cart"
 
 
 def _momentary(recording: Recording, where: Encoder, dip: Dip) -> Fault:
     size = abs(dip.lost) * recording.sample_time
-    note = f"{'lost' if dip.lost > 0.0 else 'gained'} counts, about {size:.2g} mm"
+    note = f"{'lost' if dip.lost > 0.0 else 'gained'} counts, about {recording.units.text(size, 'mm', 2)}"
     start, end = float(recording.t[dip.first]), float(recording.t[dip.last])
     return Fault(recording.name, where, "encoder_dropout", start, end, note)
 
@@ -174,7 +179,7 @@ def _dead(recording: Recording, where: Encoder) -> list[Fault]:
     travel = _never_counts(recording, where)
     if where != "encoder_1" or travel == 0.0:
         return []
-    note = f"never counts while cart 2 travels {travel:.3g} mm"
+    note = f"never counts while cart 2 travels {recording.units.text(travel, 'mm', 3)}"
     start, end = float(recording.t[0]), float(recording.t[-1])
     return [Fault(recording.name, where, "encoder_dropout", start, end, note)]
 
@@ -184,4 +189,6 @@ def _idle(recording: Recording, where: Encoder) -> str | None:
     travel = _never_counts(recording, where)
     if where != "encoder_2" or travel == 0.0:
         return None
-    return f"encoder_2 never counts while cart 1 travels {travel:.3g} mm: uncoupled, held or dead"
+    return (
+        f"encoder_2 never counts while cart 1 travels {recording.units.text(travel, 'mm', 3)}: uncoupled, held or dead"
+    )

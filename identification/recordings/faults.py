@@ -141,7 +141,7 @@ def _saturation(recording: Recording) -> list[Fault]:
     limit, resting = find_limit(recording.u)
     if limit is None:
         return []
-    note = f"command at its limit of {limit:.4g} V"
+    note = f"command at its limit of {recording.units.text(limit, 'V')}"
     return [
         Fault(recording.name, "actuator", "saturation", start, end, note) for start, end in spans(recording.t, resting)
     ]

@@ -34,4 +34,5 @@ def test_the_true_drive_leaves_nothing():
     drive = Drive(RIG)
     runs = [drive.simulate(T, r.u, name=r.name) for r in data_set(force=0.0, kinds=KINDS[2:])]
     with bench_of([replace(r, x1=None, x2=None) for r in runs]) as bench:
-        assert np.sqrt(np.mean(bench.residual(RIG) ** 2)) < 1e-9
+        # a thousandth of what encoder counts leave: events are located to the order of the step, in lanes as singly
+        assert np.sqrt(np.mean(bench.residual(RIG) ** 2)) < 1e-3
