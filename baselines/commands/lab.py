@@ -30,7 +30,7 @@ def lab(
 ) -> None:
     """Serve the lab as a local page: turn the gain and see the carts; show physics, read recordings, diagnose."""
     try:
-        from baselines.lab_page.server import LOOPBACK, serve  # noqa: PLC0415
+        from baselines.lab_page.server import LOOPBACK_NAMES, serve  # noqa: PLC0415
     except ModuleNotFoundError as error:
         if error.name != "nicegui":
             raise
@@ -43,7 +43,7 @@ def lab(
     given = shown or []
     drives = [p for p in given if p.suffix == ".toml"]
     found = {f"drive{i + 1}": load_drive(path) for i, path in enumerate(drives)}
-    if host != LOOPBACK:
+    if host not in LOOPBACK_NAMES:
         print(
             f"flexdrive: --host {host} lets every machine that reaches it use this page, run computations here and see what is "
             "uploaded; there is no password and no encryption. Use it in a network that you trust.",

@@ -13,10 +13,11 @@ from starlette.responses import FileResponse, PlainTextResponse, Response
 
 from baselines.lab_page import texts
 from baselines.lab_page.page import build_page
-from baselines.lab_page.session import SESSIONS, Lab
+from baselines.lab_page.session import SESSIONS, Lab, close_all
 from baselines.lab_page.uploads import RefusedError, take
 
 LOOPBACK = "127.0.0.1"
+LOOPBACK_NAMES = (LOOPBACK, "localhost")
 LARGEST_REQUEST_BYTES = 68_000_000
 _STYLE = (Path(__file__).parent / "static" / "lab.css").read_text(encoding="utf-8")
 # a browser may load and call nothing but this server
@@ -153,6 +154,7 @@ def install(lab: Lab, names: Sequence[str] = ()) -> Callable[[], None]:
     app.add_route("/upload/{token}", _upload, methods=["POST"])
     app.add_route("/file/{token}/{path:path}", _file, methods=["GET"])
     app.add_middleware(Door, names=names)
+    app.on_shutdown(close_all)
 
     def root() -> None:
         ui.add_css(_STYLE)
@@ -175,11 +177,11 @@ def serve(lab: Lab, *, host: str = LOOPBACK, port: int = 8080, browser: bool = T
     browser
         Whether to open the page.
     """
-    names = (LOOPBACK, "localhost") if host == LOOPBACK else ()
+    names = LOOPBACK_NAMES if host in LOOPBACK_NAMES else ()
     root = install(lab, names)
     ui.run(
         root, host=host, port=port, title=texts.TITLE, show=browser, reload=False, dark=None, tailwind=False,
-        show_welcome_message=False, favicon=_FAVICON, reconnect_timeout=120.0,
+        show_welcome_message=False, language="en-US", favicon=_FAVICON, reconnect_timeout=120.0,
     )  # fmt: skip
 
 

@@ -18,7 +18,7 @@ from baselines.lab_page import texts
 from baselines.lab_page.elements import Drop, Plot, RigView
 from baselines.lab_page.exercise import NOTHING
 from baselines.lab_page.server import Door, install
-from baselines.lab_page.session import Lab
+from baselines.lab_page.session import SESSIONS, Lab
 from baselines.sample import FOLDER
 
 
@@ -163,9 +163,11 @@ def test_uploads_are_a_visitors_own_and_a_broken_file_gets_its_sentence():
             assert "square ±1.5 V, 0.5 Hz" in listed(htmls(one))
             assert "broken.csv" not in listed(htmls(other))
             token = address.rsplit("/", 1)[1]
+            folder = SESSIONS[token].folder
             get = one.http_client.get
             assert (await get(f"/file/{token}/recordings/day/a.csv.gz")).status_code == 404  # no result
             assert (await get(f"/file/{token}/..%2f..%2f..%2fetc/hostname")).status_code == 404
+        assert not folder.exists()  # the server has ended
 
     asyncio.run(story())
 
