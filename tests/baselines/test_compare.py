@@ -181,6 +181,7 @@ def test_statistics_are_those_of_the_measures(with_agents):
     assert 0.0 < against["p_x2@5ms"].rms.value < 1.0
 
 
+@pytest.mark.slow
 def test_sentences_and_pages_say_where_learning_loses(with_agents):
     summaries, improvements = summarise(with_agents)
     said = " ".join(learnt_verdicts(with_agents, summaries, improvements))

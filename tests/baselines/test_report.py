@@ -64,6 +64,7 @@ def test_dwell_error_is_that_of_the_definition(recordings):
     assert m.error_peak == pytest.approx(abs(run.xr - run.x2).max())
 
 
+@pytest.mark.slow
 def test_report_of_real_recordings(shared_recordings):
     page = build_report(read_recordings(shared_recordings / "mte360_2022"), title="Real")
     assert "On the rig 0.2345 V/mm held and 0.235 V/mm grew" in page

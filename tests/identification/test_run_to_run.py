@@ -34,6 +34,7 @@ def test_a_rig_whose_friction_stays_has_none():
     assert np.sqrt(np.diag(found.matrix)).max() < 0.04
 
 
+@pytest.mark.slow
 def test_random_effects_are_told_from_errors():
     rng = np.random.default_rng(1)
     truth, error = np.array([0.3, 0.1]), 0.2

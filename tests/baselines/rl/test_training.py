@@ -133,6 +133,7 @@ def flexdrive(*arguments, cwd):
     return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.slow
 def test_the_command_takes_its_options_from_the_checkpoint(tmp_path):
     drive = DEFAULT_DRIVE.replace(k=0.09)
     small = Plan(feedback="x1", steps=3 * 32 * 8, envs=8, history=2, seed=5)
