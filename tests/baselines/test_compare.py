@@ -76,6 +76,7 @@ def test_share_is_wilsons():
         assert (ours.low, ours.high) == pytest.approx((theirs.low, theirs.high), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_every_backend_finds_the_same():
     cases = cases_of(DRIVE, draws=60, effects=False, references=(named_reference("sine"),), seed=1)
     reference = tables(compare(DRIVE, chosen(), cases=cases, empirical=False, backend="sequential"))
@@ -198,6 +199,7 @@ def test_sentences_and_pages_say_where_learning_loses(with_agents):
     assert "Where learning loses, and why" in page
 
 
+@pytest.mark.slow
 def test_the_teaching_page_answers_with_a_learnt_last_column_and_small_pictures(with_agents):
     pytest.importorskip("pygame")
     page = build_teaching_page(with_agents)

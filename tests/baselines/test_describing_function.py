@@ -44,6 +44,7 @@ def test_a_policy_is_swept_at_its_own_period():
     assert np.max(np.abs(found / (0.05 * late) - 1.0)) < 0.01
 
 
+@pytest.mark.slow
 def test_its_loop_predicts_the_gain_margin():
     drive = DEFAULT_DRIVE
     lab4 = design("lab4", drive).controller

@@ -65,6 +65,7 @@ def test_a_pulse_counter_on_a_belt_drive_is_recognised(tmp_path):
     assert result.rms(last, "learnt") < 0.5 * result.rms(result.ladder[0].name, "learnt")
 
 
+@pytest.mark.slow
 def test_an_oscillator_shows_its_cubic_spring(tmp_path):
     write_oscillator(tmp_path / "train_multisine.csv", 6000, seed=3)
     write_oscillator(tmp_path / "test_arrow.csv", 2000, seed=4, grow=True)

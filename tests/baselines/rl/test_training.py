@@ -203,6 +203,7 @@ def test_a_rigid_drive_cannot_be_trained_on(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_the_exported_agent_is_the_network_that_was_trained():
     env = training_drives(DEFAULT_DRIVE, SMALL)
     env.seed(0)
@@ -216,6 +217,7 @@ def test_the_exported_agent_is_the_network_that_was_trained():
     assert agent.act_many(seen) == pytest.approx(model.predict(seen, deterministic=True)[0], abs=1e-5)
 
 
+@pytest.mark.slow
 def test_a_policy_begins_as_p_control():
     env = training_drives(DEFAULT_DRIVE, SMALL)
     model = learner(env, 2, seed=0, gain=0.1)
