@@ -142,8 +142,7 @@ def twice() -> None:
     apart = {n: abs(raw[n].value - q.value) / (0.5 * (q.ci95[1] - q.ci95[0])) for n, q in tidy.items() if q.ci95}
     worst = max(apart, key=lambda n: apart[n])
     print(
-        f"`identify` of {TWICE[1]} and of {TWICE[0]} differ most in {worst}, by {apart[worst]:.0%} of its 95 % half width: the "
-        "files come in another order, so the searches begin on another part of them."
+        f"`identify` of {TWICE[1]} and of {TWICE[0]} differ most in {worst}, by {apart[worst]:.2g} of its 95 % half width."
     )
 
 
