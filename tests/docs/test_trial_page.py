@@ -39,7 +39,7 @@ def test_every_figure_is_the_study_s():
     found = {what: value.split(" (")[0] for what, value, _ in rows}
     assert rows[0][1] in readme
     named, _, all_ = found["all trials with a name of nothing concealed"].split()[:3]
-    assert f"Of {all_} lab days {named} have a name of nothing concealed" in readme
+    assert f"Of {all_} data sets {named} have a name of nothing concealed" in readme
     broken, _, all_ = found["broken encoders found"].split()[:3]
     assert broken == all_
     assert f"all {broken} broken encoders are found" in readme
