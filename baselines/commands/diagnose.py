@@ -193,7 +193,7 @@ def print_diagnosis(found: Diagnosis) -> None:
 def print_suggestions(suggestions: tuple[Suggestion, ...], output: Path) -> None:
     """Print the experiments that would tell most."""
     if not suggestions:
-        say("no experiment to suggest: there are no rival explanations to tell apart")
+        say("no experiment to suggest: there are no explanations to tell apart")
         return
     table(
         "experiments that would tell most: expected difference of the velocities, in multiples of the floor",

@@ -14,9 +14,6 @@ class Settings:
     window_s
         Length of the test functions of the weak form [s]. A drive's resonance lies at a few hertz; 60 ms keeps what is slower
         than about 20 Hz and averages encoder counts.
-    long_window_s
-        A second length [s]. Equations that hold give the same masses with both; where they do not, the equation error is
-        dominated by noise in the regressors and only proposes.
     hop_s
         Distance of neighbouring test functions [s]: a quarter of their length, so that nothing falls between two.
     smoothing_s
@@ -27,9 +24,6 @@ class Settings:
     reversal
         Share of a recording's rms velocity under which a cart counts as near a reversal or at rest. Coulomb friction there is
         any force within its level, so the equation is not known.
-    agreement
-        Factor within which masses with the acceleration and with the force as target, and with both windows, must agree for
-        the equation error to be trusted. On simulated rigs they agree within 8 %; noise in the regressors gives factors of three.
     model_error
         Share of the signal's variance that a model of a drive is expected to miss where nothing else is known [1]. It only
         sets the weights of the first fit; afterwards each recording's own residual does.
@@ -64,12 +58,10 @@ class Settings:
     """
 
     window_s: float = 0.06
-    long_window_s: float = 0.2
     hop_s: float = 0.015
     smoothing_s: float = 0.006
     along_s: float = 0.003
     reversal: float = 0.15
-    agreement: float = 1.5
     model_error: float = 0.02
     own_share: float = 0.5
     proposals: int = 10
