@@ -18,7 +18,7 @@ from scipy.stats import binomtest
 from baselines.blind.make import make_case
 from baselines.trial.plan import Trial, plan
 from flexdrive_gym.recording import Recording
-from identification import diagnose as old_diagnose
+from identification.mismatch.diagnose import diagnose as old_diagnose
 from identification import read_recordings
 from identification.diagnosis.diagnose import diagnose as new_diagnose
 
@@ -68,7 +68,7 @@ def old(recordings: Sequence[Recording], seed: int) -> Answer:
 def new(recordings: Sequence[Recording], seed: int) -> Answer:
     begin = time.process_time()
     found = new_diagnose(recordings, seed=seed)
-    names = {(f.effect.id, f.effect.where): [(t.id, t.where) for t in f.ties] for f in found.findings}
+    names = {(f.id, f.where): [(t.id, t.where) for t in f.ties] for f in found.findings}
     return Answer(names, found.unnamed is not None, time.process_time() - begin)
 
 

@@ -9,7 +9,7 @@ from baselines.report import words
 from baselines.sample import FOLDER
 from identification import Diagnosis, diagnose
 from identification.mismatch.crew import Crew
-from identification.mismatch.replay import remaining, replays
+from identification.diagnosis.replay import remaining, replays
 from identification.plots import plot_before_after, plot_telling_map
 from identification.plots.style import save_png
 

@@ -11,9 +11,9 @@ from baselines.report.fault_table import add_faults, shaded
 from baselines.report.page import Section, render
 from flexdrive_gym import Recording, __version__
 from identification.mismatch.crew import Crew
-from identification.mismatch.replay import Remaining, remaining, replays
+from identification.diagnosis.replay import Remaining, remaining, replays
 from identification.mismatch.shapes import ALONG_TRACK, FRICTION
-from identification.mismatch.suggest import Suggestion
+from identification.diagnosis.suggest import Suggestion
 from identification.mismatch.verdict import Diagnosis, RecordingFit
 from identification.recordings.faults import gathered
 

@@ -1,61 +1,86 @@
-"""From recordings to a diagnosis: split, select, and only then open the report recordings."""
+"""From recordings to a diagnosis: read, split, select, and only then open the report recordings."""
 
 from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
-from difflib import get_close_matches
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from flexdrive_gym import Drive
-from flexdrive_gym.drive.effects import EFFECTS
-from flexdrive_gym.drive.parameters import checked, parameter
-from flexdrive_gym.recording import Recording
-from identification.diagnosis.bench import Bench, Values, free
+from flexdrive_gym import Drive, Provenance, Recording, __version__
+from flexdrive_gym.drive.parameters import checked
+from identification.diagnosis.baseline import fit_tied, ratios
+from identification.diagnosis.bench import Bench
 from identification.diagnosis.candidates.catalogue import Candidate
-from identification.diagnosis.fit import intervals
-from identification.diagnosis.homogeneity import homogeneity
-from identification.diagnosis.select import Selection, Selector
+from identification.diagnosis.covariance import uncertainty
+from identification.diagnosis.errors import loop_fits, recording_fits, total, velocity_rms
+from identification.diagnosis.fit import Fit
+from identification.diagnosis.homogeneity import Homogeneity, homogeneity
+from identification.diagnosis.maps import draw_maps, harmonics, located
+from identification.diagnosis.missing_force import missing_force
+from identification.diagnosis.notes import notes_of
+from identification.diagnosis.select import Round, Selection, Selector
 from identification.diagnosis.settings import Settings
 from identification.diagnosis.split import Split, split_recordings
-from identification.diagnosis.verdict import Diagnosis, Estimate, Finding, Named, RecordingFit, Unnamed, Verdict
-from identification.floor import measure_floor
-from identification.output_error import Run, prepare, simulate_run
+from identification.diagnosis.unnamed import unnamed
+from identification.diagnosis.verdict import (
+    Diagnosis,
+    Estimate,
+    Finding,
+    Named,
+    RecordingFit,
+    Unnamed,
+    Verdict,
+    experiment_for,
+    in_units,
+    short,
+    unit_of,
+)
+from identification.recordings import RecordingSet, Rig
+from identification.recordings.given import Source, given
+from identification.run_to_run import friction_run_to_run, recorded_range
+from identification.selection import select
 from identification.topology import Topology, topology_of
+
+Say = Callable[[str], None]
+ALPHA = 0.02
+# an error this near to the floor leaves nothing to explain
+_NEAR_FLOOR = 1.25
 
 
 def diagnose(
-    recordings: Sequence[Recording],
+    recordings: Source,
     *,
-    alpha: float = 0.02,
-    known: Collection[str] = (),
-    topology: Topology | None = None,
-    jobs: int | None = None,
     seed: int = 0,
+    jobs: int | None = None,
+    topology: Topology | None = None,
+    rig: Rig | str | Path | None = None,
+    alpha: float = ALPHA,
     settings: Settings | None = None,
-    say: Callable[[str], None] = lambda _: None,
+    say: Say = lambda _: None,
 ) -> Diagnosis:
     """Find out which physics the base model of a drive lacks.
 
     Parameters
     ----------
     recordings
-        Of one drive.
-    alpha
-        Level of the test, between 0 and 1: in so many data sets in which nothing is left out something is named.
-    known
-        Ids of effects that the base model has already.
-    topology
-        Which bodies there are and what is free; default: one cart or two, as the recordings' channels tell.
-    jobs
-        Threads; default: the processors this process may use. The answer does not depend on it.
+        Folder, files, or recordings already read, of one drive.
     seed
         Of the null draws; the same seed gives the same diagnosis to the last bit.
+    jobs
+        Threads; default: the processors this process may use. The answer does not depend on it.
+    topology
+        Which bodies there are and what is free; default: one cart or two, as the recordings' channels or their rig description
+        tell, with the effects that it knows.
+    rig
+        Rig description, or its file, to read recordings with; those already read bring theirs.
+    alpha
+        Level of the test, between 0 and 1: in so many data sets in which nothing is left out something is named.
     settings
         Constants; default: those of :class:`~identification.diagnosis.settings.Settings`.
     say
@@ -68,149 +93,155 @@ def diagnose(
     Raises
     ------
     ValueError
-        For a level outside 0 to 1, an unknown effect, or recordings that cannot tell anything.
+        For a level outside 0 to 1, or recordings that cannot tell anything; the message says what to record.
     """
     begin = time.perf_counter()
     if not 0.0 < alpha < 1.0:
-        raise ValueError(f"alpha: must lie between 0 and 1; got {alpha:g}. The default is 0.02.")
-    start = _known(known)
-    split = split_recordings(recordings)
-    settings = settings or Settings()
-    workers = jobs or len(os.sched_getaffinity(0))
+        raise ValueError(f"alpha: must lie between 0 and 1; got {alpha:g}. The default is {ALPHA:g}.")
+    say("reading recordings")
+    chosen = select(given(recordings, rig))
+    runs = chosen.require()
+    split = split_recordings(runs)
+    bodies = topology or topology_of(RecordingSet(split.estimation, rig=runs.rig))
     # its own threads keep the processors busy: those of the linear algebra would only be in their way
-    with threadpool_limits(1, user_api="blas"), ThreadPoolExecutor(workers) as pool:
-        bench = Bench(split.estimation, pool, settings)
-        topology = topology or topology_of(split.estimation)
-        selection = Selector(bench, topology, start, alpha, np.random.default_rng(seed), say).run()
-        sessions = [str(getattr(r, "session", "")) for r in bench.recordings]
-        same = homogeneity(selection.model, sessions, alpha, np.random.default_rng([seed, 1]))
-    say("opening the report recordings")
-    return _result(recordings, split, bench, selection, tuple(same), begin)
+    with (
+        threadpool_limits(1, user_api="blas"),
+        ThreadPoolExecutor(jobs or len(os.sched_getaffinity(0))) as pool,
+    ):
+        bench = Bench(split.estimation, pool, settings or Settings())
+        plain, known = without_known(bodies)
+        selection = Selector(bench, plain, known, alpha, np.random.default_rng(seed), say).run()
+        found = _Result(split, bench, selection, plain, pool)
+        say("estimating what is uncertain")
+        same = found.homogeneity(alpha, np.random.default_rng([seed, 1]))
+        say("opening the report recordings")
+        result = found.diagnosis(same)
+    # what was left out has faults, too
+    faults = [f for r in (*runs, *(r for r, _ in chosen.left_out)) for f in r.in_rig_units().faults]
+    return replace(
+        result, faults=tuple(faults), notes=(*chosen.notes, *result.notes), seconds=time.perf_counter() - begin
+    )
 
 
-def _known(ids: Collection[str]) -> dict[str, float]:
-    """Return start values for the sizes of effects that the base model has."""
-    found: dict[str, float] = {}
-    by = {e.id: e for e in EFFECTS}
-    for id_ in ids:
-        if id_ not in by:
-            near = get_close_matches(id_, by, n=2, cutoff=0.4)
-            hint = f"Did you mean {' or '.join(near)}?" if near else "See docs/physics.md for the catalogue."
-            raise ValueError(f"known: no effect of the catalogue is called {id_!r}. {hint}")
-        effect = by[id_]
-        for where in effect.where:
-            found |= {
-                effect.key(where, q.name): abs(q.starts[0]) for q in effect.parameters if q.role == "size" and q.starts
-            }
-    return found
+def without_known(topology: Topology) -> tuple[Topology, dict[str, float]]:
+    """Return the bodies alone, and the start values of the effects that a topology knows."""
+    known = {n: v for n, v in topology.start.items() if "." in n and n in topology.free}
+    # what is at its null has no slope to be fitted from
+    usual = {n: v if v else 1e-6 for n, v in known.items()}
+    start = {n: v for n, v in topology.start.items() if n not in known}
+    return replace(topology, free=tuple(n for n in topology.free if n not in known), start=start), usual
 
 
-def _result(
-    recordings: Sequence[Recording],
-    split: Split,
-    bench: Bench,
-    selection: Selection,
-    same: tuple[object, ...],
-    begin: float,
-) -> Diagnosis:
-    limits = intervals(selection.model)
-    first, model = selection.first.values, selection.model.values
-    fits = [
-        *(_fit_of(r, first, model, "estimation") for r in bench.recordings),
-        *(_fit_of(r, first, model, "report") for r in split.report),
-    ]
-    judged = list(split.report) or list(bench.recordings)
-    findings = tuple(
-        Finding(
-            Named(*candidate.name),
+@dataclass(frozen=True, eq=False)
+class _Result:
+    """What was selected, on its way to a diagnosis; figures in the engine's units until the end."""
+
+    split: Split
+    bench: Bench
+    selection: Selection
+    topology: Topology
+    pool: Executor
+
+    @property
+    def runs(self) -> Sequence[Recording]:
+        return self.bench.recordings
+
+    def homogeneity(self, alpha: float, rng: np.random.Generator) -> tuple[Homogeneity, ...]:
+        """Hold the parameters against the sessions, in the rig's units."""
+        model, units = self.selection.model, self.runs[0].units
+        ones = {n: units.one(unit_of(n)) for n in model.names}
+        scale = model.scale / np.array([ones[n] for n in model.names])
+        values = {n: v / ones.get(n, 1.0) for n, v in model.values.items()}
+        sessions = [r.session for r in self.runs]
+        return tuple(homogeneity(replace(model, values=values, scale=scale), sessions, alpha, rng))
+
+    def diagnosis(self, same: tuple[Homogeneity, ...]) -> Diagnosis:
+        """Return the diagnosis but for what only the caller knows."""
+        units, split = self.runs[0].units, self.split
+        base, drive = self.drive(self.selection.first, "base model"), self.drive(self.selection.model, "diagnosed drive")
+        forces = list(self.pool.map(lambda r: missing_force(base.values, r), self.runs))
+        maps = draw_maps(forces)
+        findings = tuple(self.finding(c, step, drive) for c, step in self.selection.accepted)
+        nameless = unnamed(self.selection)
+        estimation = recording_fits(base, drive, self.runs, "estimation", self.runs, self.pool)
+        everything = (*self.runs, *split.report)
+        report = recording_fits(base, drive, split.report, "report", everything, self.pool)
+        loops = loop_fits(base, drive, split.loops, self.pool)
+        before, after, floor = total(report) if report else total(estimation)
+        tied = float("nan")
+        if self.topology.two_carts:
+            tied = velocity_rms(self.runs, fit_tied(self.bench, self.selection.first), self.pool)
+        return in_units(
+            Diagnosis(
+                verdict=_verdict(findings, nameless, estimation),
+                faults=(),
+                located=located([m.of_rig(units) for m in maps]),
+                findings=findings,
+                unnamed=nameless,
+                handout_tied_rms=tied,
+                free_rms=total(estimation)[0],
+                ratios=ratios(base),
+                before_rms=before,
+                after_rms=after,
+                floor_rms=floor,
+                per_recording=(*estimation, *report, *loops),
+                homogeneity=same,
+                drive=drive,
+                base=base,
+                seconds=0.0,
+                split=replace(split, estimation=tuple(self.runs)),
+                notes=notes_of(drive, split, loops, self.bench.runs, units),
+                maps=tuple(maps),
+                harmonics=tuple(harmonics(forces, self.runs)),
+                forces=tuple(forces),
+            ),
+            units,
+        )
+
+    def drive(self, best: Fit, name: str) -> Drive:
+        """Return a fit as a drive with its uncertainty."""
+        values = checked(best.values)
+        limits, covariance = uncertainty(best)
+        return Drive(
+            values,
+            {k: v for k, v in limits.items() if k in values},
+            covariance,
+            Provenance("diagnosis", tuple(r.name for r in self.runs), __version__, "fitted to the estimation recordings"),
+            name=name,
+            run_to_run=friction_run_to_run(values, self.bench.runs, self.pool),
+            recorded=recorded_range(self.runs),
+        )
+
+    def finding(self, candidate: Candidate, step: Round, drive: Drive) -> Finding:
+        """Return an accepted candidate with what speaks for it."""
+        best = step.best.fit
+        assert best is not None  # only names are accepted as findings
+        ties = [t for t in step.ties() if t.fit is not None]
+        judged = self.split.report or self.runs
+        return Finding(
+            *candidate.name,
             {
-                k.rsplit(".", 1)[-1]: Estimate(model[k], limits.get(k, (model[k], model[k])), parameter(k).unit)
+                short(k): Estimate(drive[k], drive.intervals.get(k, (drive[k], drive[k])), unit_of(k))
                 for k in candidate.keys
             },
             tuple(Named(*t.name) for t in step.ties()),
-            _experiment(candidate) if step.ties() else None,
-            1.0 - (step.best.fit.cost if step.best.fit else step.base.cost) / step.base.cost,
+            experiment_for(candidate.id) if step.ties() else None,
+            1.0 - best.cost / step.base.cost,
             max(step.p, step.p_rest),
-            _rms(judged, step.base.values),
-            _rms(judged, step.best.fit.values if step.best.fit else step.base.values),
+            velocity_rms(judged, step.base.values, self.pool),
+            velocity_rms(judged, best.values, self.pool),
+            keys=candidate.keys,
+            drives=tuple(
+                Drive(checked(f.values), name="@".join(name))
+                for name, f in [(candidate.name, best), *((t.name, t.fit) for t in ties if t.fit is not None)]
+            ),
         )
-        for candidate, step in selection.accepted
-    )
-    unnamed = _unnamed(selection)
-    floors = [f.rms for f in measure_floor(judged) if np.isfinite(f.rms)]
-    notes = (
-        ["All blocks are parts of one recording: nothing is known of what differs from run to run."]
-        if split.blocks
-        else []
-    )
-    return Diagnosis(
-        _verdict(findings, unnamed),
-        tuple(f for r in recordings for f in r.faults),
-        findings,
-        unnamed,
-        _rms(judged, first),
-        _rms(judged, model),
-        float(np.sqrt(np.mean(np.square(floors)))) if floors else float("nan"),
-        tuple(fits),
-        same,  # type: ignore[arg-type]
-        Drive(checked(model), {k: v for k, v in limits.items() if k in checked(model)}, name="diagnosed drive"),
-        Drive(checked(first), name="base model"),
-        time.perf_counter() - begin,
-        notes=tuple(notes),
-        split={
-            "estimation": [r.name for r in split.estimation],
-            "selection": [r.name for r in split.estimation],
-            "report": [r.name for r in (*split.report, *split.loops)],
-        },
-    )
 
 
-def _verdict(findings: Sequence[Finding], unnamed: Unnamed | None) -> Verdict:
-    if unnamed is not None:
-        return "partly_explained" if findings else "unexplained"
-    return "explained" if findings else "no_mismatch"
-
-
-def _unnamed(selection: Selection) -> Unnamed | None:
-    last = selection.rounds[-1]
-    if not last.accepted or isinstance(last.best.candidate, Candidate):
-        return None
-    shape = last.best.candidate
-    white = float(np.sum(last.base.normal.square))
-    share = min(1.0, 2.0 * last.best.total / max(white, 1e-300))
-    near = [s for s in last.scored[1:] if isinstance(s.candidate, Candidate) and s.total > 0.0][:3]
-    nearest = tuple((s.name[0], float(s.total / last.best.total)) for s in near)
-    return Unnamed(shape.where, share, f"as a function of the {shape.variable}", nearest)
-
-
-def _experiment(candidate: Candidate) -> str | None:
-    return next((e.separating_experiment for e in EFFECTS if e.id == candidate.id), None) or None
-
-
-def _fit_of(recording: Recording, first: Values, model: Values, part: str) -> RecordingFit:
-    run = free(prepare(recording))
-    before, after = (_velocity_errors(run, v) for v in (first, model))
-    places = [_position_error(recording, run, v) for v in (first, model)]
-    counts = np.sqrt(np.mean(run.floor)) if run.floor else float("nan")
-    return RecordingFit(recording.name, part, before, after, float(counts), *places)  # type: ignore[arg-type]
-
-
-def _velocity_errors(run: Run, values: Values) -> float:
-    simulated = simulate_run(values, run)
-    error = [run.blocks(c, m - s) for c, (m, s) in enumerate(zip(run.measured, simulated, strict=True))]
-    # a block's entry has the variance of one sample: over its root it is a mean
-    return float(np.sqrt(np.mean(np.concatenate(error) ** 2) / run.block))
-
-
-def _position_error(recording: Recording, run: Run, values: Values) -> float | None:
-    places = [x for x in (recording.x1, recording.x2) if x is not None]
-    if len(places) != len(run.measured):
-        return None
-    simulated = simulate_run(values, replace(run, positions=True))
-    error = [(x - x[0] - s + s[0])[k] for x, s, k in zip(places, simulated, run.keep, strict=True)]
-    return float(np.sqrt(np.mean(np.concatenate(error) ** 2)))
-
-
-def _rms(recordings: Sequence[Recording], values: Mapping[str, float]) -> float:
-    each = [_velocity_errors(free(prepare(r)), values) for r in recordings]
-    return float(np.sqrt(np.mean(np.square(each)))) if each else float("nan")
+def _verdict(findings: Sequence[Finding], nameless: Unnamed | None, fits: Sequence[RecordingFit]) -> Verdict:
+    """Return the verdict, which report recordings have no part in."""
+    if not findings:
+        return "no_mismatch" if nameless is None else "unexplained"
+    _, after, floor = total(fits)
+    near = not np.isfinite(floor) or after < _NEAR_FLOOR * floor
+    return "explained" if nameless is None and near else "partly_explained"

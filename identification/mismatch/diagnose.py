@@ -17,8 +17,8 @@ from flexdrive_gym.recording import Recording
 from identification.likelihood import MaximumLikelihood, identify_by_likelihood
 from identification.mismatch.chance import null_residuals
 from identification.mismatch.crew import Crew
-from identification.mismatch.maps import Map, draw_maps, harmonics
-from identification.mismatch.missing_force import MissingForce, missing_force
+from identification.diagnosis.maps import Map, draw_maps, harmonics
+from identification.diagnosis.missing_force import MissingForce, missing_force
 from identification.mismatch.proof import Proof
 from identification.mismatch.prove import loop_fits, own_rms, total, velocity_fits
 from identification.mismatch.proving import Proving, held_of, keys_of

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexdrive_gym.recording import FloatArray
-from identification.mismatch.missing_force import MissingForce
+from identification.diagnosis.missing_force import MissingForce
 
 SHORTEST, LONGEST, WAVELENGTHS = 2.0, 160.0, 300
 _STEP = 4

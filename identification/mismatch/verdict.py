@@ -12,8 +12,8 @@ from flexdrive_gym.drive.effects import EFFECTS
 from flexdrive_gym.drive.parameters import parameter
 from flexdrive_gym.recording import Fault, FloatArray
 from flexdrive_gym.units import LAB, Units
-from identification.mismatch.maps import Harmonics, Map
-from identification.mismatch.missing_force import MissingForce
+from identification.diagnosis.maps import Harmonics, Map
+from identification.diagnosis.missing_force import MissingForce
 from identification.mismatch.split import Split
 from identification.quantities import Quantity
 

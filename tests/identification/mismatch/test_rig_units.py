@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexdrive_gym.units import Units
-from identification.mismatch.maps import Map
+from identification.diagnosis.maps import Map
 from identification.mismatch.verdict import Estimate, Prediction, RecordingFit
 
 UNITS = Units("m", "mV", per_length=1000.0, per_command=1e-3)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identification.mismatch.missing_force import MissingForce
+from identification.diagnosis.missing_force import MissingForce
 from identification.mismatch.spatial import peaks, periods, spectra
 
 PERIOD = 12.7

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from flexdrive_gym import Excitation, Recording
-from identification.mismatch.maps import draw_maps, harmonics
-from identification.mismatch.missing_force import MissingForce
+from identification.diagnosis.maps import draw_maps, harmonics
+from identification.diagnosis.missing_force import MissingForce
 
 N = 2000
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexdrive_gym.references import sine
-from identification.mismatch.missing_force import missing_force
+from identification.diagnosis.missing_force import missing_force
 from tests.drive.drives import FRICTIONLESS, RIG
 from tests.identification.mismatch.lab import pushed_run
 

@@ -13,9 +13,11 @@ import numpy as np
 
 from flexdrive_gym.recording import FloatArray, Recording
 from flexdrive_gym.units import LAB, Units
-from identification.mismatch.missing_force import MissingForce
+from identification.diagnosis.missing_force import MissingForce
 
 BINS = 24
+# share of a missing force that a variable must predict for the force to be said to follow it
+_FOLLOWS = 0.02
 UNITS = {"v1": "mm/s", "v2": "mm/s", "δ": "mm", "u": "V", "x1": "mm", "x2": "mm", "t": "s"}
 
 
@@ -63,7 +65,7 @@ class Map:
         """What the map says."""
         i = int(np.argmax(np.abs(self.mean)))
         at = f"{self.centre[i]:.3g} {self.units.name(UNITS[self.variable])}"
-        if self.explained < 0.02:
+        if self.explained < _FOLLOWS:
             return (
                 f"the force missing on {_cart(self.where)} is not predicted by {self.variable} in recordings left out"
             )
@@ -135,6 +137,30 @@ def _map(forces: Sequence[MissingForce], cart: int, name: str) -> Map | None:
 
 
 @dataclass(frozen=True)
+class Located:
+    """Where the base model's error is: whose equation lacks a force, and what that force follows."""
+
+    where: str
+    share_of_error: float
+    acts_on: str
+    evidence: str
+
+
+def located(maps: Sequence[Map]) -> tuple[Located, ...]:
+    """Return each equation's share of the missing force and the variable it follows most."""
+    sizes = {m.where: m.size**2 for m in maps}
+    everything = sum(sizes.values())
+    found = []
+    for where, square in sorted(sizes.items(), key=lambda item: -item[1]):
+        best = max((m for m in maps if m.where == where), key=lambda m: m.explained)
+        i = int(np.argmax(np.abs(best.mean)))
+        unit = best.units.name(UNITS[best.variable])
+        acts = f"{best.variable} near {best.centre[i]:.3g} {unit}" if best.explained > _FOLLOWS else "no single signal"
+        found.append(Located(where, float(square / everything), acts, best.sentence))
+    return tuple(found)
+
+
+@dataclass(frozen=True)
 class Harmonics:
     """Harmonics of the command in the missing force of one periodic recording.
 
@@ -144,12 +170,25 @@ class Harmonics:
         Of the command [Hz].
     amplitude
         Of harmonics 1 to 5 [V].
+    unit
+        Of the amplitudes.
     """
 
     recording: str
     where: str
     frequency: float
     amplitude: tuple[float, ...]
+    unit: str = "V"
+
+    def of_rig(self, units: Units) -> Harmonics:
+        """Return the harmonics as the rig's owner reads them."""
+        force = units.one(self.unit)
+        return replace(
+            self,
+            frequency=self.frequency / units.one("Hz"),
+            amplitude=tuple(a / force for a in self.amplitude),
+            unit=units.name(self.unit),
+        )
 
     @property
     def even(self) -> float:

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from flexdrive_gym import Drive
-from identification.mismatch.suggest import COMMAND_LIMIT_V, TRAVEL_MM, command, suggest_experiments, write_suggestions
+from identification.diagnosis.suggest import COMMAND_LIMIT_V, TRAVEL_MM, command, suggest_experiments, write_suggestions
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import diagnosis
 

@@ -1,8 +1,7 @@
 """Which experiment would separate what the recordings cannot tell apart.
 
-The diagnosed drive and the drives of its rivals, all fitted to the same recordings, are simulated on many excitations; where
-their velocities differ most against the floor, one more recording decides between them. Without ties, the nearest names that
-the diagnosis left behind are the rivals.
+The drive of a finding and the drives of its ties, all fitted to the same recordings, are simulated on many excitations; where
+their velocities differ most against the floor, one more recording decides between them.
 """
 
 from __future__ import annotations
@@ -20,7 +19,8 @@ from flexdrive_gym import Drive
 from flexdrive_gym.files import write_atomically
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.references import chirp, sine, square
-from identification.mismatch.verdict import Diagnosis
+from identification.diagnosis.errors import total
+from identification.diagnosis.verdict import Diagnosis
 
 Kind = Literal["sine", "square", "ramp", "chirp"]
 
@@ -46,7 +46,7 @@ class Suggestion:
     kind, amplitude, frequency
         Of the command [V, Hz]; the frequency of a chirp is its last.
     separation
-        Rms difference of the velocities between the diagnosed drive and each rival, in multiples of the floor.
+        Rms difference of the velocities between a finding's drive and each of its ties', in multiples of the floor.
     t, u : ndarray, shape (n,)
         The command [s, V].
     rank
@@ -90,24 +90,17 @@ def command(kind: Kind, amplitude: float, frequency: float) -> tuple[FloatArray,
     return t, chirp(t, amplitude, 0.1, frequency, DURATION_S)
 
 
-def rivals(diagnosis: Diagnosis) -> dict[str, tuple[Drive, Drive]]:
-    """Return pairs of drives that are to be told apart, by their names: a finding's and a tie's, refitted in the same round.
-
-    Raises
-    ------
-    ValueError
-        If a rival's parameters are not those of a drive.
-    """
-    found = {}
-    for finding, (own, *others) in dict(diagnosis.extra.get("rivals", {})).items():
-        for other in others:
-            name = f"{finding} or {other['id']}@{other['where']}"
-            found[name] = Drive(dict(own["values"]), name=finding), Drive(dict(other["values"]), name=name)
-    return found
+def explanations(diagnosis: Diagnosis) -> dict[str, tuple[Drive, Drive]]:
+    """Return pairs of drives that are to be told apart, by their names: a finding's and a tie's, fitted in the same round."""
+    return {
+        f"{f.name} or {other.name}": (f.drives[0], other)
+        for f in diagnosis.findings
+        for other in f.drives[1:]
+    }
 
 
 def suggest_experiments(diagnosis: Diagnosis, *, most: int = 3) -> tuple[Suggestion, ...]:
-    """Return the experiments that separate a diagnosis from its rivals best, at most one of each kind and frequency.
+    """Return the experiments that separate findings from their ties best, at most one of each kind and frequency.
 
     Ranked by the separation of the pair that they separate least, because all are to be told apart. Excitations that would
     drive a cart farther than ±250 mm are left out.
@@ -115,12 +108,12 @@ def suggest_experiments(diagnosis: Diagnosis, *, most: int = 3) -> tuple[Suggest
     Returns
     -------
     tuple of Suggestion
-        Empty where there are no rivals.
+        Empty where there are no ties.
     """
-    pairs = rivals(diagnosis)
+    pairs = explanations(diagnosis)
     if not pairs:
         return ()
-    floor = diagnosis.floor_rms if math.isfinite(diagnosis.floor_rms) else _USUAL_FLOOR
+    floor = _floor(diagnosis)
     judged = []
     for kind, amplitude, frequency in _excitations():
         separation = _separation(pairs, kind, amplitude, frequency, floor)
@@ -137,6 +130,12 @@ def suggest_experiments(diagnosis: Diagnosis, *, most: int = 3) -> tuple[Suggest
         t, u = command(kind, amplitude, frequency)
         chosen.append(Suggestion(kind, amplitude, frequency, separation, t, u, len(chosen) + 1))
     return tuple(chosen)
+
+
+def _floor(diagnosis: Diagnosis) -> float:
+    """Return the floor of the estimation recordings [mm/s]."""
+    floor = total(f for f in diagnosis.per_recording if f.part == "estimation")[2]
+    return floor * diagnosis.base.units.one("mm/s") if math.isfinite(floor) else _USUAL_FLOOR
 
 
 def _excitations() -> Iterator[tuple[Kind, float, float]]:

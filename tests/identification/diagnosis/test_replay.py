@@ -6,7 +6,7 @@ import pytest
 from flexdrive_gym import Drive
 from identification.mismatch.along_track import ALONG_TRACK
 from identification.mismatch.crew import Crew
-from identification.mismatch.replay import remaining, replay
+from identification.diagnosis.replay import remaining, replay
 from identification.mismatch.shapes import _families, _Motion
 from identification.mismatch.split import Split
 from identification.mismatch.verdict import Curve
