@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from baselines.policies import PolicyBatch, PolicyController
 from flexdrive_gym import Controller, Drive, LinearController, Observation
-from flexdrive_gym.drive.abreast import Abreast
+from flexdrive_gym.drive.batch.lockstep import Abreast
 from flexdrive_gym.drive.linear_controller import run_batch
 from flexdrive_gym.drive.simulate import command_of
 from flexdrive_gym.recording import FloatArray

@@ -1,6 +1,6 @@
 """Recordings of one drive in the lanes of packs, replayed by one compiled call: their block residuals.
 
-Recordings are taken in groups of as many as a :mod:`pack <flexdrive_gym.drive.pack>` has lanes, of like length, and everything
+Recordings are taken in groups of as many as a :mod:`pack <flexdrive_gym.drive.simd.pack>` has lanes, of like length, and everything
 measured is laid out lane beside lane. Simulated and averaged are all lanes of a group together. A group whose lanes are not
 all taken repeats its first recording, and what is over waits until the group is.
 """
@@ -14,10 +14,10 @@ import numpy as np
 
 from flexdrive_gym.drive.compilation import inlined, kernel, pointer, shifted
 from flexdrive_gym.drive.effects import LEVEL_1, LEVEL_2, N_PARAMETERS
-from flexdrive_gym.drive.pack import WIDTH, chosen, lane, packs_at, spread, with_lane
 from flexdrive_gym.drive.parameters import substeps
 from flexdrive_gym.drive.sample import MEMORY, advance, anchor, measure, power_up, push
-from flexdrive_gym.drive.side_by_side import MEMORIES, WORKSPACES, begin_together, step_together
+from flexdrive_gym.drive.simd.pack import WIDTH, chosen, lane, packs_at, spread, with_lane
+from flexdrive_gym.drive.simd.step import MEMORIES, WORKSPACES, begin_together, step_together
 from flexdrive_gym.recording import FloatArray
 from identification.output_error import PHYSICS_S, RUNAWAY, Run, drive_vector
 

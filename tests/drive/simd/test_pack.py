@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from flexdrive_gym.drive.compilation import OPTIONS, pointer
-from flexdrive_gym.drive.pack import (
+from flexdrive_gym.drive.simd.pack import (
     WIDTH,
     anywhere,
     chosen,

@@ -2,7 +2,7 @@
 
 Nearly all drives are done by a first loop over all lanes. Those with an event inside the leap are moved together and go
 from event to event in a second loop of the same kind, in rounds that become fewer. Every lane's arithmetic is that of
-:mod:`flexdrive_gym.drive.series` in the same order, and vector and scalar arithmetic round alike, so a drive behaves the same
+:mod:`flexdrive_gym.drive.batch.series` in the same order, and vector and scalar arithmetic round alike, so a drive behaves the same
 to the last bit whether it is alone or one of thousands.
 """
 
@@ -10,6 +10,17 @@ from __future__ import annotations
 
 from typing import Any
 
+from flexdrive_gym.drive.batch.series import (
+    arrive,
+    lasts,
+    lasts_surely,
+    next_event,
+    path,
+    search,
+    series,
+    total,
+    travelled,
+)
 from flexdrive_gym.drive.compilation import inlined, shifted
 from flexdrive_gym.drive.effects import N_BASE_PARAMETERS, WORKSPACE
 from flexdrive_gym.drive.layout import (
@@ -45,7 +56,6 @@ from flexdrive_gym.drive.layout import (
 )
 from flexdrive_gym.drive.piece import TABLE
 from flexdrive_gym.drive.sample import MEMORY, advance
-from flexdrive_gym.drive.series import arrive, lasts, lasts_surely, next_event, path, search, series, total, travelled
 from flexdrive_gym.drive.step import MAX_EVENTS, step
 
 # the step's table, and work space to make it

@@ -1,6 +1,6 @@
 """Many drives in one compiled call: the kernels behind the single and the batched environment.
 
-Nothing is integrated here: :mod:`~flexdrive_gym.drive.lanes` does that, :mod:`~flexdrive_gym.drive.sensing` the rest of a
+Nothing is integrated here: :mod:`~flexdrive_gym.drive.batch.lanes` does that, :mod:`~flexdrive_gym.drive.sensing` the rest of a
 control period, and :mod:`~flexdrive_gym.drive.layout` says where everything is.
 """
 
@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from flexdrive_gym.drive.batch.lanes import TABLE_COLUMNS, integrate_each, integrate_lanes
+from flexdrive_gym.drive.batch.series import respond
 from flexdrive_gym.drive.compilation import (
     flags_at,
     floats_at,
@@ -22,7 +24,6 @@ from flexdrive_gym.drive.compilation import (
 )
 from flexdrive_gym.drive.effects import N_BASE_PARAMETERS, WORKSPACE
 from flexdrive_gym.drive.forces import W2, rate_1, rate_2, readings
-from flexdrive_gym.drive.lanes import TABLE_COLUMNS, integrate_each, integrate_lanes
 from flexdrive_gym.drive.layout import (
     A_ACTIONS,
     A_BEGIN,
@@ -120,7 +121,6 @@ from flexdrive_gym.drive.sensing import (
     tell,
     tick,
 )
-from flexdrive_gym.drive.series import respond
 
 
 @inlined

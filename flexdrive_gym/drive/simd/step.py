@@ -1,4 +1,4 @@
-"""The step of several recordings of one drive at once, in the lanes of a :mod:`pack <flexdrive_gym.drive.pack>`.
+"""The step of several recordings of one drive at once, in the lanes of a :mod:`pack <flexdrive_gym.drive.simd.pack>`.
 
 Most steps see no event: carts that slide go on sliding, carts that stick go on sticking. Such steps are taken by all lanes
 together. Where an event ends the piece, that lane takes its step by itself (:mod:`flexdrive_gym.drive.step`), from a copy of
@@ -13,9 +13,9 @@ from typing import Any
 from flexdrive_gym.drive.compilation import called, inlined, shifted
 from flexdrive_gym.drive.effects import N_BASE_PARAMETERS, SEEN_BY_STEP, WORKSPACE
 from flexdrive_gym.drive.forces import W2, margin_1, margin_2
-from flexdrive_gym.drive.pack import WIDTH, anywhere, chosen, lane, numbers_of, with_lane
 from flexdrive_gym.drive.piece import TABLE, tabulate, width
 from flexdrive_gym.drive.sample import MEMORY, clear
+from flexdrive_gym.drive.simd.pack import WIDTH, anywhere, chosen, lane, numbers_of, with_lane
 from flexdrive_gym.drive.step import commit, piece, step_through_events
 
 # a workspace of packs, then one of numbers per lane, in which it takes the steps that it takes by itself

@@ -6,7 +6,8 @@ import pytest
 
 from benchmarks.accuracy import excitations
 from flexdrive_gym import Drive
-from flexdrive_gym.drive import forces, layout, parameters, series
+from flexdrive_gym.drive import forces, layout, parameters
+from flexdrive_gym.drive.batch import series
 from tests.drive.drives import RIG
 from tests.drive.reference import TwoMasses
 
