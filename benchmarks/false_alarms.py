@@ -29,7 +29,7 @@ from identification.mismatch.chance import nuisance
 from identification.mismatch.crew import Crew
 from identification.mismatch.surroundings import against
 from identification.mismatch.workbench import Workbench
-from identification.output_error import prepare, simulate_run
+from identification.replay.output_error import prepare, simulate_run
 
 ROOT = Path(__file__).parents[1]
 DATA = ROOT.parent / "shared" / "recordings" / "mte360_2022"

@@ -17,7 +17,7 @@ from identification import diagnose
 from identification.initial_state import with_start
 from identification.mismatch.ladder import Rung, climb
 from identification.mismatch.verdict import Diagnosis, unit_of
-from identification.output_error import prepare_measured, simulate_run
+from identification.replay.output_error import prepare_measured, simulate_run
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import numpy as np
 
 from flexdrive_gym import Drive, PControl
 from flexdrive_gym.recording import Recording
-from identification.output_error import prepare, simulate_run
+from identification.replay.output_error import prepare, simulate_run
 from identification.topology import GROUND_MASS
 
 CARRIAGE = {"m1": 2.6e-3, "b1": 5.5e-3, "d1": 0.6, "input_offset.u0": 0.1}

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from flexdrive_gym.drive.effects import EFFECTS
-from identification.output_error import prepare
-from identification.together import Together
+from identification.replay.batch import Together
+from identification.replay.output_error import prepare
 from tests.drive.drives import RIG
 from tests.drive.effects.runs import start_values
 from tests.identification.mismatch.lab import SHORT, short_day

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.output_error import prepare, simulate_run
-from identification.together import Together
+from identification.replay.batch import Together
+from identification.replay.output_error import prepare, simulate_run
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import SHORT, short_day
 

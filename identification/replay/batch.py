@@ -2,7 +2,7 @@
 
 A diagnosis asks for the residuals of a lab day about ten thousand times. Laid side by side in memory, the recordings of a day
 are simulated and averaged without going back to the interpreter in between, whose lock would keep the other threads waiting.
-The simulation is that of :func:`~identification.output_error.simulate_run`.
+The simulation is that of :func:`~identification.replay.output_error.simulate_run`.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from flexdrive_gym.drive.effects import N_PARAMETERS, WORKSPACE
 from flexdrive_gym.drive.kernels import NOTHING, run_recording
 from flexdrive_gym.drive.sample import WORK_SPACE
 from flexdrive_gym.recording import FloatArray
-from identification.interleaved import Interleaved, within
-from identification.output_error import PHYSICS_S, RUNAWAY, Run, drive_vector, held
+from identification.replay.lanes import Interleaved, within
+from identification.replay.output_error import PHYSICS_S, RUNAWAY, Run, drive_vector, held
 
 # entries of a recording's row of whole numbers
 _BEGIN, _SAMPLES, _PIECES, _BLOCK, _BLOCKS, _ROW, _FIRST_SAMPLE = range(7)

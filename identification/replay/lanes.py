@@ -19,7 +19,7 @@ from flexdrive_gym.drive.sample import MEMORY, advance, anchor, measure, power_u
 from flexdrive_gym.drive.simd.pack import WIDTH, chosen, lane, packs_at, spread, with_lane
 from flexdrive_gym.drive.simd.step import MEMORIES, WORKSPACES, begin_together, step_together
 from flexdrive_gym.recording import FloatArray
-from identification.output_error import PHYSICS_S, RUNAWAY, Run, drive_vector
+from identification.replay.output_error import PHYSICS_S, RUNAWAY, Run, drive_vector
 
 # entries of a group's row of whole numbers, of which there is one for every lane after them: the first row of the result, how
 # many blocks, where its pushes begin
@@ -174,7 +174,7 @@ class Interleaved:
     ) -> FloatArray:
         """Return block means of measured minus simulated motion of one drive, in the order of the recordings.
 
-        Other parameters are those of :meth:`~identification.together.Together.residual`, of all recordings here.
+        Other parameters are those of :meth:`~identification.replay.batch.Together.residual`, of all recordings here.
 
         Parameters
         ----------
