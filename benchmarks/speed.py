@@ -6,7 +6,7 @@ from functools import partial
 import control
 import numpy as np
 
-from baselines.stability_limit import swings
+from baselines.loop_analysis.stability_limit import swings
 from flexdrive_gym import Drive
 from flexdrive_gym.drive import kernels, parameters
 from flexdrive_gym.drive.effects import EFFECTS, WORKSPACE

@@ -1,8 +1,8 @@
 """Recordings of one drive in the lanes of packs, replayed by one compiled call: their block residuals.
 
-Recordings are taken in groups of as many as a :mod:`pack <flexdrive_gym.drive.simd.pack>` has lanes, of like length, and everything
-measured is laid out lane beside lane. Simulated and averaged are all lanes of a group together. A group whose lanes are not
-all taken repeats its first recording, and what is over waits until the group is.
+Recordings are taken in groups of as many as a :mod:`pack <flexdrive_gym.drive.simd.pack>` has lanes, of like length, and
+everything measured is laid out lane beside lane. Simulated and averaged are all lanes of a group together. A group whose
+lanes are not all taken repeats its first recording, and what is over waits until the group is.
 """
 
 from __future__ import annotations

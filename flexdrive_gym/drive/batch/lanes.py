@@ -1,9 +1,9 @@
 """Integrate a group of strips: drives with base effects side by side, any others one by one.
 
-Nearly all drives are done by a first loop over all lanes. Those with an event inside the leap are moved together and go
-from event to event in a second loop of the same kind, in rounds that become fewer. Every lane's arithmetic is that of
-:mod:`flexdrive_gym.drive.batch.series` in the same order, and vector and scalar arithmetic round alike, so a drive behaves the same
-to the last bit whether it is alone or one of thousands.
+Nearly all drives are done by a first loop over all lanes. Those with an event inside the leap are moved together and go from
+event to event in a second loop of the same kind, in rounds that become fewer. Every lane's arithmetic is that of
+:mod:`flexdrive_gym.drive.batch.series` in the same order, and vector and scalar arithmetic round alike, so a drive behaves
+the same to the last bit whether it is alone or one of thousands.
 """
 
 from __future__ import annotations
