@@ -18,7 +18,7 @@ from flexdrive_gym.recording import FloatArray
 from identification.diagnosis.bench import Values, free
 from identification.diagnosis.verdict import Part, RecordingFit
 from identification.floor import measure_floor
-from identification.output_error import Run, prepare, simulate_run
+from identification.replay.output_error import Run, prepare, simulate_run
 from identification.validation import validate
 
 

@@ -10,7 +10,7 @@ from flexdrive_gym import Drive
 from flexdrive_gym.units import Units
 from identification.diagnosis.split import Split
 from identification.diagnosis.verdict import RecordingFit
-from identification.output_error import Run, simulate_run
+from identification.replay.output_error import Run, simulate_run
 
 # times as far as recordings went, a spring is looked at
 _FARTHER = 10.0

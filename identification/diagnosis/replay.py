@@ -20,7 +20,7 @@ from identification.diagnosis.bench import free
 from identification.diagnosis.maps import Map, draw_maps
 from identification.diagnosis.missing_force import MissingForce, missing_force
 from identification.diagnosis.verdict import Diagnosis
-from identification.output_error import prepare, simulate_run
+from identification.replay.output_error import prepare, simulate_run
 from identification.validation import simulate_like
 
 
