@@ -15,7 +15,6 @@ from benchmarks import (
     lab,
     learners,
     learning,
-    magnet,
     overlay,
     real_rigs,
     recordings,
@@ -35,7 +34,6 @@ ALL = {
     "blind_nuisance": blind_nuisance.main,
     "controllers": controllers.main,
     "overlay": overlay.main,
-    "magnet": magnet.main,
 }
 # these take minutes to hours, and options of their own
 LONG = {

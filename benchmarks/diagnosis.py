@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from baselines.lab.predictions import predictions
+from baselines.report import words
 from identification import Diagnosis, diagnose, read_recordings
 
 ROOT = Path(__file__).parents[1]
@@ -17,9 +18,9 @@ COLUMNS = (
     "verdict",
     "findings",
     "cannot be told from",
-    "rms before → after (floor) [mm/s]",
-    "critical gain, simulated, before → after [V/mm]",
-    "lab's critical gain, before → after; rig",
+    "rms of report recordings, before → after (floor)",
+    "critical gain, simulated, before → after [95 %]",
+    "lab's critical gain, before → after [95 %]; rig",
     "faults",
     "s",
     "most memory so far [MB]",
@@ -44,8 +45,8 @@ def main() -> None:
 
 def row(name: str, found: Diagnosis) -> tuple[str, ...]:
     by = {p.name: p for p in predictions(found)}
-    simulated = by.get("critical gain from x2, simulated")
-    lab = next((p for n, p in by.items() if "trajectory" in n), None)
+    simulated = by.get("critical_gain_x2_simulated")
+    lab = by.get("critical_gain_x2_trajectory")
     unnamed = [] if found.unnamed is None else [f"unnamed on {found.unnamed.where}: {found.unnamed.acts_on}"]
     return (
         name,
@@ -56,15 +57,12 @@ def row(name: str, found: Diagnosis) -> tuple[str, ...]:
         )
         or "–",
         "; ".join(f"{t.id}@{t.where}" for f in found.findings for t in f.ties) or "–",
-        f"{found.before_rms:.2f} → {found.after_rms:.2f} ({found.floor_rms:.2f})",
-        "–" if simulated is None else f"{_number(simulated.before)} → {_number(simulated.after)}",
-        "–" if lab is None else f"{_number(lab.before)} → {_number(lab.after)}; {lab.measured or 'not tried'}",
+        f"{found.before_rms:.2f} → {found.after_rms:.2f} ({found.floor_rms:.2f}) {found.unit}",
+        "–" if simulated is None else f"{words.interval(simulated.before)} → {words.interval(simulated.after)}",
+        "–" if lab is None else f"{words.interval(lab.before)} → {words.interval(lab.after)}; {lab.measured or 'not tried'}",
         str(len([f for f in found.faults if f.id != "saturation"])),
         f"{found.seconds:.0f}",
         # in kB on Linux
         f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f}",
     )
 
-
-def _number(value: float | None) -> str:
-    return "none below 10" if value is None else f"{value:.4f}"

@@ -1,17 +1,20 @@
-"""How often a diagnosis finds physics where there is none.
+"""How often a diagnosis names physics where none is left out, and whether its p-values are uniform there.
 
-``python -m benchmarks false_alarms [--draws 100] [--jobs 2]`` simulates lab days of a drive without left-out physics, but as
-restless as a real rig: the free fit of ``mte360_2022`` where its recordings are beside the repository, else the drive of the
-bundled sample's size; with the nuisance forces of :mod:`identification.mismatch.chance`, scaled to the real floor, and
-encoder counts. Every draw is kept in the cache directory under the digest of the code, so an interrupted run goes on where it
-stopped.
+``python -m benchmarks false_alarms [--kind generator|rig] [--draws 500] [--jobs 2] [--alpha 0.02]``. Null data sets are of two
+kinds: those of the independent rig simulator that conceal nothing (``generator``), and the rig's own (``rig``): the base model's
+simulation of every recording of ``../shared/recordings/mte360_2022``, plus what the diagnosed drive leaves there, its sign drawn
+for each recording. Every draw is kept in the cache directory under the digest of the code, so an interrupted run goes on where it
+stopped. Writes a plot of the p-values to ``benchmarks/out``.
 """
 
 import argparse
 import json
 import sys
+import tempfile
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import joblib
@@ -20,94 +23,96 @@ from platformdirs import user_cache_path
 
 from baselines.blind_study.study import engine
 from baselines.evaluation.proportions import share
-from baselines.lab.experiments import FREQUENCIES_HZ, open_loop
-from flexdrive_gym import Drive, Recording
+from baselines.rig_simulator.make import make_case
+from flexdrive_gym import Recording
 from flexdrive_gym.files import write_atomically
-from flexdrive_gym.recording import FloatArray
-from identification import diagnose, identify, read_recordings
-from identification.mismatch.chance import nuisance
-from identification.mismatch.crew import Crew
-from identification.mismatch.surroundings import against
-from identification.mismatch.workbench import Workbench
+from identification import diagnose, read_recordings
+from identification.diagnosis.bench import Values, free
+from identification.plots.style import new_figure, save_png
 from identification.replay.output_error import prepare, simulate_run
 
 ROOT = Path(__file__).parents[1]
 DATA = ROOT.parent / "shared" / "recordings" / "mte360_2022"
-QUANTUM = 0.0046592
-# rms of what does not repeat on the real rigs, and of encoder counts as velocity [mm/s]
-FLOOR_MM_S = {"mte360_2022": 2.9}
-DEFAULT = {"m1": 7.6e-4, "m2": 3.4e-4, "b1": 0.0096, "b2": 0.0032, "d1": 0.357, "d2": 0.241, "k": 0.095}
+OUT = Path(__file__).parent / "out"
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks false_alarms")
-    parser.add_argument("--draws", type=int, default=100)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks false_alarms", description=__doc__)
+    parser.add_argument("--kind", choices=list(NULLS), default="generator")
+    parser.add_argument("--draws", type=int, default=500)
     parser.add_argument("--jobs", type=int, default=2)
-    options = parser.parse_args(sys.argv[2:])
-    name, values = rig()
-    folder = user_cache_path("flexdrive") / "false_alarms" / f"{engine()}-{name}"
-    todo = [d for d in range(options.draws) if not (folder / f"{d}.json").exists()]
-    print(f"{name}: {options.draws} draws, {options.draws - len(todo)} of them done before; results in {folder}")
-    joblib.Parallel(n_jobs=options.jobs)(joblib.delayed(one)(values, d, folder / f"{d}.json") for d in todo)
-    results = [json.loads((folder / f"{d}.json").read_text()) for d in range(options.draws)]
+    parser.add_argument("--alpha", type=float, default=0.02)
+    given = parser.parse_args(sys.argv[2:])
+    if given.kind == "rig" and not DATA.is_dir():
+        print("skipped: no recordings in ../shared/recordings/mte360_2022")
+        return
+    folder = user_cache_path("flexdrive") / "false_alarms" / f"{engine()}-{given.kind}-{given.alpha:g}"
+    todo = [d for d in range(given.draws) if not (folder / f"{d}.json").exists()]
+    print(f"{given.kind}: {given.draws} draws, {given.draws - len(todo)} of them done before; results in {folder}")
+    joblib.Parallel(n_jobs=given.jobs)(
+        joblib.delayed(one)(given.kind, d, given.alpha, folder / f"{d}.json") for d in todo
+    )
+    results = [json.loads((folder / f"{d}.json").read_text()) for d in range(given.draws)]
     for r in results:
         if r["verdict"] != "no_mismatch":
             print(f"draw {r['draw']}: {r['verdict']}; {', '.join(r['findings']) or 'unnamed'}")
-    print(f"verdicts other than no mismatch: {share([r['verdict'] != 'no_mismatch' for r in results])}")
-    print(f"draws with a named finding: {share([bool(r['findings']) for r in results])}")
-    print(
-        f"floor of the draws {np.median([r['floor_rms'] for r in results]):.2f} mm/s (rig {FLOOR_MM_S['mte360_2022']} mm/s)"
-    )
+    print(f"data sets with a name: {share([bool(r['findings']) for r in results])}; at most {1.5 * given.alpha:.0%} asked for")
+    print(f"data sets with a name or something unnamed: {share([r['verdict'] != 'no_mismatch' for r in results])}")
+    p = np.sort([r["p_value"] for r in results])
+    print(f"wrote {save_png(_plot(p, given.kind), OUT / f'null_p_values_{given.kind}.png', 120)}")
 
 
-def rig() -> tuple[str, dict[str, float]]:
-    if not DATA.is_dir():
-        print("no ../shared/recordings/mte360_2022: a drive of the same size instead")
-        return "default", DEFAULT
-    found = identify(read_recordings(DATA)).drive
-    return "mte360_2022", {n: found[n] for n in DEFAULT}
-
-
-def one(values: dict[str, float], draw: int, path: Path) -> None:
+def one(kind: str, draw: int, alpha: float, path: Path) -> None:
     begin = time.perf_counter()
-    found = diagnose(null_day(values, draw), seed=draw, jobs=1)
+    found = diagnose(NULLS[kind](draw), seed=draw, jobs=1, alpha=alpha)
     result = {
         "draw": draw,
         "verdict": found.verdict,
-        "findings": [f"{f.id}@{f.where}" for f in found.findings],
-        "before_rms": found.before_rms,
-        "floor_rms": found.floor_rms if np.isfinite(found.floor_rms) else 0.0,
+        "findings": [f.name for f in found.findings],
+        "p_value": found.p_value,
         "seconds": time.perf_counter() - begin,
     }
     write_atomically(path, json.dumps(result))
 
 
-def null_day(values: dict[str, float], seed: int) -> list[Recording]:
-    """A lab day of open-loop runs with nuisance and encoder counts, and nothing left out."""
-    drive = Drive(values)
-    kinds = [("square", a, 0.5) for a in (1.5, 1.5, 2.0, 2.0)] + [("sine", 2.5, f) for f in FREQUENCIES_HZ]
-    quiet = [replace(open_loop(drive, *kind), name=f"{i:02d} {kind[0]}") for i, kind in enumerate(kinds)]  # type: ignore[arg-type]
-    runs = [prepare(r) for r in quiet]
-    with Crew(1) as pool:
-        bench = Workbench(runs, pool)
-        disturbances = nuisance(bench, values, [[against(v) for v in run.measured] for run in runs], seed)
+def _of_generator(draw: int) -> Sequence[Recording]:
+    with tempfile.TemporaryDirectory(prefix="flexdrive-") as name:
+        folder = Path(name) / "recordings"
+        make_case(folder, Path(name) / "truth.json", draw, "null")
+        return read_recordings(folder)
 
-    def disturbed(scale: float) -> list[FloatArray]:
-        """Velocities of every run with the nuisance at a scale, ndarray, shape (2, n)."""
-        found = []
-        for run, d in zip(runs, disturbances, strict=True):
-            changed = {k: max(values[k] + scale * (v - values[k]), 0.0) for k, v in d.changes.items() if k in values}
-            found.append(np.array(simulate_run({**values, **changed}, run, pushes=scale * d.force)))
-        return found
 
-    plain, moved = disturbed(0.0), disturbed(1.0)
-    # the mixture is drawn, its size is the rig's: what remains between runs of the same command
-    size = float(np.sqrt(np.mean([np.mean((m - p) ** 2) for m, p in zip(moved, plain, strict=True)])))
-    scale = FLOOR_MM_S["mte360_2022"] / max(size, 1e-9)
-    day = []
-    for r, v in zip(quiet, disturbed(scale), strict=True):
-        # counts of the encoder, differentiated as the rig does it
-        x = [np.round(np.cumsum(s) * 1e-3 / QUANTUM) * QUANTUM for s in v]
-        raw = [np.diff(c, prepend=0.0) / 1e-3 for c in x]
-        day.append(replace(r, v1=raw[0], v2=raw[1], quantum=(QUANTUM, QUANTUM)))
-    return day
+@cache
+def _rig() -> tuple[Sequence[Recording], Values, Values]:
+    recordings = read_recordings(DATA)
+    found = diagnose(recordings, jobs=1)
+    return [r for r in recordings if not r.closed_loop], found.base.values, found.drive.values
+
+
+def _of_rig(draw: int) -> Sequence[Recording]:
+    recordings, base, drive = _rig()
+    signs = np.random.default_rng(draw).choice([-1.0, 1.0], len(recordings))
+    made = []
+    for r, sign in zip(recordings, signs, strict=True):
+        run = free(prepare(r))
+        v = [
+            b + sign * (m - d)
+            for m, b, d in zip(run.measured, simulate_run(base, run), simulate_run(drive, run), strict=True)
+        ]
+        made.append(replace(r, x1=None, x2=None, v1=v[0], v2=v[1] if len(v) > 1 else None))
+    return made
+
+
+NULLS: dict[str, Callable[[int], Sequence[Recording]]] = {"generator": _of_generator, "rig": _of_rig}
+
+
+def _plot(p: np.ndarray, kind: str):  # type: ignore[no-untyped-def]
+    figure = new_figure(3.0)
+    axes = figure.subplots()
+    axes.plot(p, np.arange(1, len(p) + 1) / len(p), drawstyle="steps-post", label=f"{len(p)} null data sets, {kind}")
+    axes.plot([0.0, 1.0], [0.0, 1.0], color="0.5", linewidth=0.8, label="uniform")
+    axes.set_xlabel("p-value of the best candidate")
+    axes.set_ylabel("share of data sets")
+    axes.legend(loc="best")
+    return figure
+

@@ -3,13 +3,13 @@
 ``python -m benchmarks overlay`` writes ``docs/overlay.png`` and, of the same diagnosis, ``docs/missing_force.png``.
 """
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from baselines.lab.sample import FOLDER
 from baselines.report import words
 from identification import Diagnosis, diagnose
-from identification.mismatch.crew import Crew
-from identification.diagnosis.replay import remaining, replays
+from identification.diagnosis.remaining import remaining, replay
 from identification.plots import plot_before_after, plot_telling_map
 from identification.plots.style import save_png
 
@@ -21,12 +21,12 @@ def main() -> None:
 
 
 def write(found: Diagnosis, folder: Path) -> None:
-    runs = {r.name: r for r in found.split.prove}
+    runs = {r.name: r for r in found.split.report}
     fits = [f for f in found.per_recording if f.recording in runs]
     best = max(fits, key=lambda f: f.before_rms - f.after_rms)
     run = runs[best.recording]
-    with Crew(2) as pool:
-        before, after = (replays(drive, [run], pool)[0] for drive in (found.free, found.learnt or found.drive))
+    before, after = (replay(drive, run) for drive in (found.base, found.drive))
+    with ThreadPoolExecutor(2) as pool:
         forces = remaining(found, pool)
     named = words.listed(words.effect_name(f.id) for f in found.findings) if found.findings else "nothing"
     i = forces.most_telling()

@@ -22,7 +22,7 @@ def answer(recordings: Path, seed: int) -> dict[str, object]:
     runs = read_recordings(recordings)
     found = diagnose(runs, seed=seed, jobs=1)
     assert found.tied is not None  # a trial's rig has two carts
-    drives = {"tied": found.tied, "free": found.free, "diagnosed": found.drive}
+    drives = {"tied": found.tied, "free": found.base, "diagnosed": found.drive}
     return {
         "diagnosis": found.as_json(),
         "drives": {name: dumps(drive) for name, drive in drives.items()},

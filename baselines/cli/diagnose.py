@@ -18,7 +18,7 @@ from baselines.cli._results import Force, interrupted_says, result_folder
 if TYPE_CHECKING:
     from flexdrive_gym import Recording
     from identification.diagnosis.suggest import Suggestion
-    from identification.mismatch.verdict import Diagnosis
+    from identification.diagnosis.verdict import Diagnosis
 
 
 # nothing of a search is worth keeping before its validation
@@ -32,8 +32,12 @@ def diagnose(
         "diagnosis"
     ),
     seed: Annotated[
-        int, typer.Option(min=0, max=MOST_SEED, help="Of null draws and resampling; the same seed, the same answer.")
+        int, typer.Option(min=0, max=MOST_SEED, help="Of the null draws and of the drawn drives; the same seed, the same answer.")
     ] = 0,
+    alpha: Annotated[
+        float,
+        typer.Option(help="Level of the test: in so many data sets in which nothing is left out something is named."),
+    ] = 0.02,
     jobs: Annotated[
         int | None, typer.Option(min=1, max=MOST_THREADS, help="Threads; the answer does not change.")
     ] = None,
@@ -71,6 +75,7 @@ def diagnose(
             remarks=checked.remarks(),
             seed=seed,
             jobs=jobs,
+            alpha=alpha,
             suggest=suggest,
             tell=tell,
         )
@@ -91,6 +96,7 @@ def write_diagnosis(
     *,
     seed: int = 0,
     jobs: int | None = None,
+    alpha: float = 0.02,
     suggest: bool = False,
     title: str = "Diagnosis of a flexible drive",
     remarks: Sequence[str] = (),
@@ -108,9 +114,9 @@ def write_diagnosis(
     from identification.diagnosis.suggest import suggest_experiments, write_suggestions  # noqa: PLC0415
 
     require_enough(runs)
-    found = run(runs, seed=seed, jobs=jobs, say=tell)
+    found = run(runs, seed=seed, jobs=jobs, alpha=alpha, say=tell)
     tell("predicting")
-    found = replace(found, predictions=predictions(found), notes=(*remarks, *found.notes))
+    found = replace(found, predictions=predictions(found, seed=seed, threads=jobs), notes=(*remarks, *found.notes))
     suggestions: tuple[Suggestion, ...] = ()
     if suggest:
         tell("looking for experiments")
@@ -185,9 +191,14 @@ def print_diagnosis(found: Diagnosis) -> None:
     if found.predictions:
         table(
             "predictions",
-            ["", "before", "after", "unit", "on the rig"],
-            [[p.name, number(p.before), number(p.after), p.unit, p.measured or "–"] for p in found.predictions],
+            ["", "before [95 %]", "after [95 %]", "unit", "on the rig"],
+            [
+                [words.prediction_name(p.name), words.interval(p.before), words.interval(p.after), p.unit, p.measured or "–"]
+                for p in found.predictions
+            ],
         )
+        for line in words.extrapolation_sentences(found):
+            say(f"note: {line}")
 
 
 def print_suggestions(suggestions: tuple[Suggestion, ...], output: Path) -> None:

@@ -1,57 +1,67 @@
-"""Figures of a drive that can be checked on the rig, before and after physics was named."""
+"""Figures of a drive that can be checked on the rig, before and after physics was named, with their intervals."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
-from baselines.lab.experiments import STABLE_GAIN
-from baselines.lab.uncertainty import figures, settled_error
-from baselines.loop_analysis.stability_limit import Feedback, ObservedLimit, observed_limit
-from flexdrive_gym import Drive, Recording
-from flexdrive_gym.references import STROKE_MM
-from identification.mismatch.verdict import Diagnosis, Prediction
+from baselines.lab.uncertainty import DRAWS, Predicted, predict
+from baselines.loop_analysis.stability_limit import ObservedLimit, observed_limit
+from flexdrive_gym import Recording
+from flexdrive_gym.units import Units
+from identification.diagnosis.verdict import Diagnosis, Interval, Prediction
+
+# what the lab's own P-control runs answer
+ANSWERED = "critical_gain_x2_trajectory"
 
 
-def predictions(diagnosis: Diagnosis, recordings: Sequence[Recording] = ()) -> tuple[Prediction, ...]:
-    """Return what the free fit and the diagnosed drive predict.
+def predictions(
+    diagnosis: Diagnosis,
+    recordings: Sequence[Recording] = (),
+    *,
+    draws: int = DRAWS,
+    seed: int = 0,
+    threads: int | None = None,
+) -> tuple[Prediction, ...]:
+    """Return what the base model and the diagnosed drive predict of another run of the rig, in the rig's units.
 
     Parameters
     ----------
     recordings
         P-control runs among them tell what the rig did; default: those of the diagnosis.
+    draws, seed, threads
+        Of :func:`~baselines.lab.uncertainty.predict`.
     """
-    split = diagnosis.split
-    seen = observed_limit(recordings or (*split.learn, *split.prove, *split.loops))
-    before, after = _values(diagnosis.free), _values(diagnosis.drive)
+    split, units = diagnosis.split, diagnosis.drive.units
+    seen = observed_limit(recordings or (*split.estimation, *split.report, *split.loops))
+    after = predict(diagnosis.drive, draws=draws, seed=seed, threads=threads)
+    # without a finding both are one drive
+    before = predict(diagnosis.base, draws=draws, seed=seed, threads=threads) if diagnosis.findings else after
     return tuple(
-        Prediction(name, value, after[name][0], unit, _words(seen) if name == _LAB else "")
-        for name, (value, unit) in before.items()
+        _prediction(before[name].of_rig(units), p.of_rig(units), _words(seen, units) if name == ANSWERED else "")
+        for name, p in after.items()
+        if name in before
     )
 
 
-_LAB = "gain from x2 at which the lab's trajectory grows"
-_TITLES: Mapping[str, str] = {
-    "critical_gain_x2_linear": "critical gain from x2, linear",
-    "critical_gain_x2_simulated": "critical gain from x2, simulated",
-    "critical_gain_x2_trajectory": _LAB,
-    "resonance_hz": "resonance frequency",
-    "damping_ratio": "damping ratio",
-}
+def _prediction(before: Predicted, after: Predicted, measured: str) -> Prediction:
+    return Prediction(
+        after.name,
+        Interval(before.value, before.ci95),
+        Interval(after.value, after.ci95),
+        "–" if after.unit == "1" else after.unit,
+        measured,
+        after.extrapolated,
+    )
 
 
-def _values(drive: Drive) -> dict[str, tuple[float | None, str]]:
-    feedback: Feedback = "x2" if drive.carts == 2 else "x1"
-    known = figures(drive)
-    found = {title: (known[name].of(drive), known[name].unit) for name, title in _TITLES.items() if name in known}
-    name = f"error of {feedback} after a {STROKE_MM:g} mm step at Kp = {STABLE_GAIN:g} V/mm"
-    found[name] = (settled_error(drive, feedback), "mm")
-    return {title: (value, "–" if unit == "1" else unit) for title, (value, unit) in found.items()}
-
-
-def _words(seen: ObservedLimit) -> str:
+def _words(seen: ObservedLimit, units: Units) -> str:
     parts = []
     if seen.holds is not None:
-        parts.append(f"{seen.holds:.4g} held" + (" (largest tried)" if seen.grows is None else ""))
+        parts.append(f"{_gain(seen.holds, units)} held" + (" (largest tried)" if seen.grows is None else ""))
     if seen.grows is not None:
-        parts.append(f"{seen.grows:.4g} grew")
+        parts.append(f"{_gain(seen.grows, units)} grew")
     return ", ".join(parts)
+
+
+def _gain(gain: float, units: Units) -> str:
+    return f"{gain / units.one('V/mm'):.4g}"

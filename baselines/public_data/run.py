@@ -16,7 +16,7 @@ from flexdrive_gym.recording import Fault, FloatArray
 from identification import diagnose
 from identification.initial_state import with_start
 from identification.diagnosis.ladder import Rung, climb
-from identification.mismatch.verdict import Diagnosis, unit_of
+from identification.diagnosis.verdict import Diagnosis, unit_of
 from identification.replay.output_error import prepare_measured, simulate_run
 
 

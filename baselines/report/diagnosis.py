@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import replace
 
 from baselines.report import words
 from baselines.report.fault_table import add_faults, shaded
 from baselines.report.page import Section, render
-from flexdrive_gym import Recording, __version__
-from identification.mismatch.crew import Crew
-from identification.diagnosis.replay import Remaining, remaining, replays
-from identification.mismatch.shapes import ALONG_TRACK, FRICTION
+from flexdrive_gym import Drive, Recording, __version__
+from identification.diagnosis.remaining import Remaining, remaining, replay
 from identification.diagnosis.suggest import Suggestion
-from identification.mismatch.verdict import Diagnosis, RecordingFit
+from identification.diagnosis.verdict import Diagnosis, RecordingFit
 from identification.recordings.faults import gathered
+from identification.reversals import Reversal, mean_reversal
 
 _MOST_FAULTS = 6
+# amplitudes whose reversals are drawn
+_MOST_AMPLITUDES = 2
 # the page is wider than an A4 report's text
 _DPI = 130.0
 
@@ -42,17 +45,19 @@ def build_diagnosis(
     jobs
         Threads; default: the processors this process may use.
     """
-    with Crew(jobs or len(os.sched_getaffinity(0))) as pool:
+    with ThreadPoolExecutor(jobs or len(os.sched_getaffinity(0))) as pool:
         forces = remaining(diagnosis, pool)
         sections = [
-            _overlay(diagnosis, pool),
-            _maps(diagnosis, forces),
             _findings(diagnosis),
-            _suggestions(suggestions),
-            _faults(diagnosis),
-            _remains(diagnosis, forces),
+            _overlay(diagnosis),
+            _reversals(diagnosis, pool),
             _recordings(diagnosis),
             _predictions(diagnosis),
+            _homogeneity(diagnosis),
+            _remains(diagnosis, forces),
+            _suggestions(suggestions),
+            _maps(diagnosis, forces),
+            _faults(diagnosis),
             _baseline(diagnosis),
             _harmonics(diagnosis),
         ]
@@ -68,27 +73,26 @@ def build_diagnosis(
 
 
 def main_sections(diagnosis: Diagnosis, *, jobs: int | None = None) -> list[Section]:
-    """Return what the handout's report shows of a diagnosis: the overlay, the missing force, the findings."""
-    with Crew(jobs or len(os.sched_getaffinity(0))) as pool:
+    """Return what the handout's report shows of a diagnosis: findings, the overlay, the missing force, predictions."""
+    with ThreadPoolExecutor(jobs or len(os.sched_getaffinity(0))) as pool:
         forces = remaining(diagnosis, pool)
-        sections = [_overlay(diagnosis, pool), _maps(diagnosis, forces), _findings(diagnosis), _predictions(diagnosis)]
-    for section, title in zip(
-        sections,
-        (
-            "Diagnosis: measured against simulated",
-            "Diagnosis: the force that is missing",
-            "Diagnosis: findings",
-            "Diagnosis: what the naming changes",
-        ),
-        strict=True,
-    ):
-        section.title, section.anchor = title, f"diagnosis-{section.anchor}"
-    return [s for s in sections if s.blocks]
+        sections = {
+            "findings": _findings(diagnosis),
+            "measured against simulated": _overlay(diagnosis),
+            "the force that is missing": _maps(diagnosis, forces),
+            "what the naming changes": _predictions(diagnosis),
+        }
+    for title, section in sections.items():
+        section.title, section.anchor = f"Diagnosis: {title}", f"diagnosis-{section.anchor}"
+    return [s for s in sections.values() if s.blocks]
 
 
 def _subtitle(d: Diagnosis) -> str:
-    kept = len(d.split.prove) + len(d.split.loops)
-    return f"{len(d.split.learn) + kept} recordings: {len(d.split.learn)} in the estimation set, {kept} held out"
+    kept = len(d.split.report) + len(d.split.loops)
+    fitted = len(d.split.estimation)
+    return (
+        f"{fitted + kept} recordings: {fitted} estimate and, each predicted by the others, select; {kept} kept for the report"
+    )
 
 
 def _tiles(d: Diagnosis) -> list[dict[str, str]]:
@@ -96,20 +100,13 @@ def _tiles(d: Diagnosis) -> list[dict[str, str]]:
     tiles = [
         {
             "number": f"{_number(d.before_rms)} → {_number(d.after_rms)}" if d.findings else _number(d.before_rms),
-            "caption": f"rms error [{d.unit}] {words.where_proven(d)}",
+            "caption": f"rms error [{d.unit}] {words.where_reported(d)}",
         },
         {
             "number": _number(d.floor_rms),
             "caption": f"floor [{d.unit}]: what differs between repetitions",
         },
     ]
-    if d.own_rms is not None and d.findings:
-        tiles.append(
-            {
-                "number": " → ".join(map(_number, d.own_rms)),
-                "caption": f"rms error [{d.unit}] on them, each run with its own dry friction",
-            }
-        )
     if worse:
         first = worse[0]
         more = f", and {len(worse) - 1} more" if len(worse) > 1 else ""
@@ -125,15 +122,17 @@ def _tiles(d: Diagnosis) -> list[dict[str, str]]:
     if reach > 0.0 and d.findings:
         tiles.append({"number": f"{reach:.0%}", "caption": "of the squared error above the floor removed"})
     if d.findings:
-        worst = max(f.false_alarm_probability for f in d.findings)
-        tiles.append({"number": f"≤ {worst:.2g}", "caption": "false-alarm probability of each finding"})
+        worst = max(f.p_value for f in d.findings)
+        tiles.append({"number": f"≤ {worst:.2g}", "caption": "p-value of each finding"})
     shown = words.telling_prediction(d)
     if shown is not None and d.findings:
         rig = f"; the rig: {shown.measured}" if shown.measured else ""
+        beyond = "; extrapolated" if shown.extrapolated else ""
+        name = words.prediction_name(shown.name)
         tiles.append(
             {
-                "number": f"{_number(shown.before)} → {_number(shown.after)}",
-                "caption": f"{shown.name} [{shown.unit}]{rig}",
+                "number": f"{_number(shown.before.value)} → {_number(shown.after.value)}",
+                "caption": f"{name} [{shown.unit}]{rig}{beyond}",
             }
         )
     return tiles
@@ -143,43 +142,229 @@ def _number(value: float | None) -> str:
     return "–" if value is None or not math.isfinite(value) else f"{value:.3g}"
 
 
+def _findings(d: Diagnosis) -> Section:
+    section = Section("Findings", "findings")
+    if not d.findings:
+        section.text("None: no effect of the catalogue is significant.")
+        return section
+    tied = any(f.ties for f in d.findings)
+    rows = [
+        (
+            f"{words.at(f.id, f.where)}\n{words.equation(f.id)}",
+            "\n".join(f"{n} = {e}" for n, e in f.parameters.items()),
+            f"{f.share_of_error_explained:.0%}",
+            f"{f.p_value:.2g}",
+            f"{_number(f.report_rms_before)} → {_number(f.report_rms_after)}",
+            *(
+                ("\n".join(words.at(t.id, t.where) for t in f.ties) or "nothing", f.separating_experiment or "–")
+                if tied
+                else ()
+            ),
+        )
+        for f in d.findings
+    ]
+    kept = "report recordings" if d.split.report else "these recordings"
+    section.table(
+        (
+            "finding and its law",
+            "parameters [95 % interval]",
+            "explains",
+            "p-value",
+            f"{kept}, before → after [{d.unit}]",
+            *(("cannot be told from", "to tell them apart, record") if tied else ()),
+        ),
+        rows,
+    )
+    section.text(
+        "In the order in which they were accepted. “Explains”: the share that goes of the squared error left by what was accepted "
+        "before, every recording weighted by its own noise. The p-value: how often the best candidate of the whole catalogue "
+        "predicts other recordings as well in data of this rig in which nothing is left out."
+    )
+    return section
+
+
 def _improvement(f: RecordingFit) -> float:
     return 1.0 - (f.after_rms / f.before_rms) ** 2 if f.before_rms > 0.0 else -math.inf
 
 
 def shown_recording(d: Diagnosis) -> tuple[Recording, RecordingFit]:
-    """Return the held-out recording whose improvement is the median; one of the estimation set where none is held out."""
-    runs = {r.name: r for r in (*d.split.prove, *d.split.loops, *d.split.learn)}
-    fits = [f for f in d.per_recording if f.recording in runs and math.isfinite(f.before_rms + f.after_rms)]
-    ranked = sorted([f for f in fits if f.held_out] or fits, key=_improvement)
+    """Return the report recording whose improvement is the median; one of the estimation set where there is none."""
+    runs = {r.name: r for r in (*d.split.report, *d.split.loops, *d.split.estimation)}
+    fits = [
+        f
+        for f in d.per_recording
+        if f.recording in runs and math.isfinite(f.before_rms + f.after_rms) and not f.how.startswith("windows")
+    ]
+    ranked = sorted([f for f in fits if f.part == "report"] or fits, key=_improvement)
     middle = ranked[(len(ranked) - 1) // 2]
     return runs[middle.recording], middle
 
 
-def _overlay(d: Diagnosis, pool: Crew) -> Section:
+def _overlay(d: Diagnosis) -> Section:
     from identification.plots import plot_before_after, plot_validation  # noqa: PLC0415  (matplotlib)
 
     section = Section("Measured against simulated", "overlay")
     if not d.per_recording:
         return section
     run, fit = shown_recording(d)
-    drive = d.learnt or d.drive
-    before, after = (replays(each, [run], pool)[0] for each in (d.free, drive))
-    kept = "of the estimation set"
-    if fit.held_out:
-        kept = "held out" if d.learnt else "held out during the search"
-    about = f"{run.name}: {run.excitation}, {kept}"
+    before, after = (replay(each, run) for each in (d.base, d.drive))
+    about = f"{run.name}: {run.excitation.text(run.units)}, {'kept for the report' if fit.part == 'report' else 'fitted'}"
     if not d.findings:
         section.figure(
-            plot_validation(run, before), f"{about}. No effect was named: this is the best fit without any.", dpi=_DPI
+            plot_validation(run, before), f"{about}. No effect was named: this is the base model.", dpi=_DPI
         )
         return section
     section.figure(
         plot_before_after(run, before, after),
-        f"{about}. Of such recordings half improved more and half less. Left: the best fit without left-out "
-        f"physics. Right: with the named physics.{shaded(run)}",
+        f"{about}. Of such recordings half improved more and half less. Left: the base model. Right: with the named "
+        f"physics.{shaded(run)}",
         dpi=_DPI,
     )
+    return section
+
+
+def _reversals(d: Diagnosis, pool: Executor) -> Section:
+    """Show the mean of all reversals of the command, per amplitude of square wave."""
+    from identification.plots.reversals import plot_reversals  # noqa: PLC0415
+
+    section = Section("Reversals of the command, aligned", "reversals")
+    groups: dict[str, list[tuple[Recording, Reversal]]] = {}
+    for r in (*d.split.estimation, *d.split.report):
+        found = None if r.closed_loop else mean_reversal(r)
+        if found is not None:
+            groups.setdefault(f"{r.excitation.text(r.units)}", []).append((r, found))
+    if not groups:
+        return section
+    chosen = dict(sorted(groups.items(), key=lambda item: -sum(f.count for _, f in item[1]))[:_MOST_AMPLITUDES])
+    units = d.base.units
+    speed = units.one("mm/s")
+    models = {"base model": d.base} if not d.findings else {"before": d.base, "after": d.drive}
+    simulated = {name: _simulated_reversals(drive, chosen, pool, speed) for name, drive in models.items()}
+    measured = {title: [_scaled(found, speed) for _, found in rows] for title, rows in chosen.items()}
+    counts = sum(found.count for rows in chosen.values() for _, found in rows)
+    section.figure(
+        plot_reversals(measured, simulated, unit=units.name("mm/s")),
+        f"Mean over all reversals of the command ({counts}), one thick line for each recording, turned so that the command rises. "
+        "What differs between runs averages out; repetitions fall onto one line, and where simulation leaves it, physics is "
+        "missing. A jump in both velocities within 10 ms is faster than the spring can carry: a base that recoils, play, or delay.",
+        dpi=_DPI,
+    )
+    return section
+
+
+def _simulated_reversals(
+    drive: Drive, groups: Mapping[str, Sequence[tuple[Recording, Reversal]]], pool: Executor, speed: float
+) -> dict[str, list[Reversal]]:
+    """Return the mean reversals of a drive in the first recording of every group."""
+
+    def one(recording: Recording) -> list[Reversal]:
+        run = replay(drive, recording)
+        found = mean_reversal(recording, [v for v in (run.v1, run.v2) if v is not None])
+        return [] if found is None else [_scaled(found, speed)]
+
+    first = [rows[0][0] for rows in groups.values()]
+    return dict(zip(groups, pool.map(one, first), strict=True))
+
+
+def _scaled(reversal: Reversal, speed: float) -> Reversal:
+    return replace(reversal, v=reversal.v / speed)
+
+
+def _recordings(d: Diagnosis) -> Section:
+    section = Section("Recordings, before and after", "recordings")
+    places = any(f.after_position_rms is not None for f in d.per_recording)
+    length = d.base.units.length
+    columns = ("recording", "before", "after", "floor", "unit", *((f"position before → after [{length}]",) if places else ()))
+    parts = {"report": "Kept for the report: opened when the names were final", "estimation": "Fitted"}
+    for part, heading in parts.items():
+        fits = [f for f in d.per_recording if f.part == part]
+        rows = [
+            (
+                f.recording + ("" if f.how == "replay" else f" ({f.how})"),
+                _number(f.before_rms),
+                _number(f.after_rms),
+                _number(f.floor_rms),
+                f.unit,
+                *((f"{_number(f.before_position_rms)} → {_number(f.after_position_rms)}",) if places else ()),
+            )
+            for f in sorted(fits, key=lambda f: (f.unit, words.by_number(f.recording)))
+        ]
+        if rows:
+            folded = part == "estimation" and len(d.per_recording) > len(fits)
+            if not folded:
+                section.heading(heading)
+            section.table(columns, rows, folded=f"{heading}: {len(rows)} recordings" if folded else "")
+    section.text("Rms error; open-loop runs are replayed, P-control runs are simulated in the loop.")
+    return section
+
+
+def _predictions(d: Diagnosis) -> Section:
+    section = Section("What the naming changes" if d.findings else "What the drive predicts", "predictions")
+    if not d.predictions:
+        return section
+    section.table(
+        ("prediction", *(("before [95 %]", "after [95 %]") if d.findings else ("[95 %]",)), "unit", "on the rig", "extrapolated"),
+        [
+            (
+                words.prediction_name(p.name),
+                *([words.interval(p.before)] if d.findings else []),
+                words.interval(p.after),
+                p.unit,
+                p.measured or "–",
+                "yes" if p.extrapolated else "no",
+            )
+            for p in d.predictions
+        ],
+    )
+    section.text(
+        "Of another run of this rig: simulated on draws of the drive, parameters from the jackknife over recordings and dry friction "
+        "as it differs from run to run."
+    )
+    section.items(words.extrapolation_sentences(d))
+    return section
+
+
+def _homogeneity(d: Diagnosis) -> Section:
+    section = Section("Is the rig the same in all sessions?", "homogeneity")
+    section.text(words.homogeneity_sentence(d))
+    if d.homogeneity:
+        names = list(dict.fromkeys(s for h in d.homogeneity for s in h.values))
+        section.table(
+            ("parameter", "p-value", *names),
+            [
+                (h.parameter, f"{h.p_value:.2g}", *(_number(h.values.get(s)) for s in names))
+                for h in sorted(d.homogeneity, key=lambda h: h.p_value)
+            ],
+        )
+    return section
+
+
+def _remains(d: Diagnosis, forces: Remaining) -> Section:
+    section = Section("What could not be told", "remains")
+    lines = [line for f in d.findings for line in words.tie_sentences(f)]
+    if d.unnamed is not None:
+        nearest = ", ".join(f"{words.effect_name(n)} (gains {s:.0%} of it)" for n, s in d.unnamed.nearest)
+        lines.append(
+            f"Unnamed: {d.unnamed.share_of_error:.0%} of the squared error left is a force on "
+            f"{d.unnamed.where.replace('_', ' ')} {d.unnamed.acts_on}. Nearest names: {nearest or 'none'}."
+        )
+    after = sorted((m for m in forces.after if m.explained >= 0.02), key=lambda m: -m.explained * m.size**2)
+    lines += [f"{m.sentence[0].upper()}{m.sentence[1:]}." for m in after[:2]]
+    if not after:
+        lines.append("What remains follows none of v1, v2, δ, u, x1, x2 and time.")
+    lines += [f"{note[0].upper()}{note[1:]}." for note in d.notes if note]
+    section.items(lines)
+    return section
+
+
+def _suggestions(suggestions: Sequence[Suggestion]) -> Section:
+    section = Section("Experiments that would tell more", "suggestions")
+    if suggestions:
+        section.text("Expected rms difference between the velocities of two explanations, in multiples of the floor.")
+        names = list(suggestions[0].separation)
+        section.table(
+            ("input file", *names), [(s.file, *(_number(s.separation[n]) for n in names)) for s in suggestions]
+        )
     return section
 
 
@@ -193,14 +378,12 @@ def _maps(d: Diagnosis, forces: Remaining) -> Section:
         parts = [f"{p.share_of_error:.0%} of it on {p.where.replace('_', ' ')}" for p in d.located]
         section.text(f"By mean square, {words.listed(parts)}.")
     if d.unnamed is not None and d.unnamed.curve is not None:
-        curve, cart = d.unnamed.curve, d.unnamed.where.replace("_", " ")
-        about = (
-            f"What has no name: the force missing on {cart} as a free function of {curve.variable.removeprefix(FRICTION)}, "
-            "with two standard errors over the recordings."
+        section.figure(
+            plot_curve(d.unnamed.curve, d.unnamed.where),
+            f"What has no name: the force as a free function of {d.unnamed.curve.variable}, with two standard errors over the "
+            "recordings.",
+            dpi=_DPI,
         )
-        if curve.variable == ALONG_TRACK:
-            about += " Every run began anywhere; they were laid over one another until they agreed."
-        section.figure(plot_curve(curve, d.unnamed.where), about, dpi=_DPI)
     small = (
         "The same for both carts against everything a force could depend on, with the share of the missing force that each "
         "map predicts in recordings left out"
@@ -222,58 +405,6 @@ def _maps(d: Diagnosis, forces: Remaining) -> Section:
     return section
 
 
-def _findings(d: Diagnosis) -> Section:
-    section = Section("Findings", "findings")
-    if not d.findings:
-        section.text("None: no effect of the catalogue is significant.")
-        return section
-    section.items([f.statement for f in d.findings])
-    tied = any(f.ties for f in d.findings)
-    rows = [
-        (
-            f"{words.at(f.id, f.where)}\n{words.equation(f.id)}",
-            "\n".join(f"{n} = {e}" for n, e in f.parameters.items()),
-            f"{f.share_of_error_explained:.0%}",
-            f"{f.false_alarm_probability:.2g}",
-            f"{_number(f.heldout_rms_before)} → {_number(f.heldout_rms_after)}",
-            *(
-                ("\n".join(words.at(t.id, t.where) for t in f.ties) or "nothing", f.separating_experiment or "–")
-                if tied
-                else ()
-            ),
-        )
-        for f in d.findings
-    ]
-    section.table(
-        (
-            "finding and its law",
-            "parameters [95 % interval]",
-            "explains",
-            "false alarm",
-            f"held out, before → after [{d.findings[0].unit}]",
-            *(("cannot be told from", "to tell them apart, record") if tied else ()),
-        ),
-        rows,
-    )
-    section.text(
-        "“Explains”: the drive is refitted without the finding; this share of the squared error that is then left goes when the "
-        "finding is put back. “False alarm”: the probability that the best candidate of the whole catalogue scores as high on a "
-        "rig with none of these effects, only friction that differs between runs, an uneven track and noise."
-    )
-    return section
-
-
-def _suggestions(suggestions: Sequence[Suggestion]) -> Section:
-    section = Section("Experiments that would tell more", "suggestions")
-    if suggestions:
-        section.text("Expected rms difference between the velocities of two explanations, in multiples of the floor.")
-        names = list(suggestions[0].separation)
-        section.table(
-            ("input file", *names), [(s.file, *(_number(s.separation[n]) for n in names)) for s in suggestions]
-        )
-    return section
-
-
 def _faults(d: Diagnosis) -> Section:
     section = Section("Sensor faults", "faults")
     faults = [f for f in d.faults if f.id != "saturation"]
@@ -285,55 +416,6 @@ def _faults(d: Diagnosis) -> Section:
     section.title = f"Sensor faults: {len(faults)} in {recordings} recording{'s' if recordings > 1 else ''}"
     section.text("Data faults, not physics: left out of everything on this page.")
     add_faults(section, gathered(faults))
-    return section
-
-
-def _remains(d: Diagnosis, forces: Remaining) -> Section:
-    section = Section("What remains", "remains")
-    lines = []
-    if d.unnamed is not None:
-        nearest = ", ".join(f"{words.effect_name(n)} ({s:.0%} alike)" for n, s in d.unnamed.nearest)
-        lines.append(
-            f"Unnamed: {d.unnamed.share_of_error:.0%} of the error left is a force on {d.unnamed.where.replace('_', ' ')} that "
-            f"follows {d.unnamed.acts_on}. Nearest names: {nearest or 'none'}."
-        )
-    after = sorted((m for m in forces.after if m.explained >= 0.02), key=lambda m: -m.explained * m.size**2)
-    lines += [f"{m.sentence[0].upper()}{m.sentence[1:]}." for m in after[:2]]
-    if not after:
-        lines.append("What remains follows none of v1, v2, δ, u, x1, x2 and time.")
-    lines += [f"{note[0].upper()}{note[1:]}." for note in d.notes if note]
-    section.items(lines)
-    return section
-
-
-def _recordings(d: Diagnosis) -> Section:
-    section = Section("Every recording", "recordings", folded=True)
-    rows = [
-        (
-            f.recording,
-            "held out" if f.held_out else "",
-            _number(f.before_rms),
-            _number(f.after_rms),
-            _number(f.floor_rms),
-            f.unit,
-        )
-        for f in sorted(d.per_recording, key=lambda f: (not f.held_out, f.unit, words.by_number(f.recording)))
-    ]
-    section.table(("recording", "", "before", "after", "floor", "unit"), rows)
-    section.text("Rms error; open-loop runs are replayed, P-control runs are simulated in the loop.")
-    return section
-
-
-def _predictions(d: Diagnosis) -> Section:
-    section = Section("What the naming changes" if d.findings else "What the drive predicts", "predictions")
-    if d.predictions and not d.findings:
-        section.table(
-            ("prediction", "free fit", "unit", "on the rig"),
-            [(p.name, _number(p.before), p.unit, p.measured or "–") for p in d.predictions],
-        )
-    elif d.predictions:
-        changes = [(p.name, _number(p.before), _number(p.after), p.unit, p.measured or "–") for p in d.predictions]
-        section.table(("prediction", "before", "after", "unit", "on the rig"), changes)
     return section
 
 
@@ -356,12 +438,13 @@ def _harmonics(d: Diagnosis) -> Section:
             h.recording,
             h.where.replace("_", " "),
             f"{h.frequency:.3g}",
-            *(f"{1e3 * a:.1f}" for a in h.amplitude),
+            *(f"{a:.2g}" for a in h.amplitude),
             f"{h.even:.0%}",
         )
         for h in sorted(d.harmonics, key=lambda h: (h.where, h.frequency, words.by_number(h.recording)))
     ]
+    unit = d.harmonics[0].unit
     section.table(
-        ("recording", "missing on", "f [Hz]", "1st [mV]", "2nd", "3rd", "4th", "5th", "even share of power"), rows
+        ("recording", "missing on", "f [Hz]", f"1st [{unit}]", "2nd", "3rd", "4th", "5th", "even share of power"), rows
     )
     return section

@@ -6,8 +6,10 @@ import math
 import re
 from collections.abc import Iterable
 
+from baselines.lab.experiments import STABLE_GAIN
 from flexdrive_gym.drive.effects import EFFECTS
-from identification.mismatch.verdict import Diagnosis, Finding, Prediction, RecordingFit
+from flexdrive_gym.references import STROKE_MM
+from identification.diagnosis.verdict import Diagnosis, Finding, Interval, Prediction, RecordingFit
 from identification.quantities import HANDOUT_RATIOS
 
 _GREEK = {"alpha": "α = m2/m1", "beta": "β = b2/b1", "gamma": "γ = d2/d1"}
@@ -48,11 +50,11 @@ def rms(value: float) -> str:
     return f"{value:.3g}" if math.isfinite(value) else "unknown"
 
 
-def where_proven(d: Diagnosis) -> str:
-    """Return on which recordings the figures of merit were taken."""
-    if d.split.prove:
-        return "on held-out recordings"
-    return "on the recordings it was fitted to (too few to hold any out)"
+def where_reported(d: Diagnosis) -> str:
+    """Return on which recordings the errors before and after were taken."""
+    if d.split.report:
+        return "on report recordings"
+    return "on the recordings it was fitted to (too few to keep any for the report)"
 
 
 def within_reach(d: Diagnosis) -> float:
@@ -62,74 +64,110 @@ def within_reach(d: Diagnosis) -> float:
 
 
 def verdict_sentences(d: Diagnosis) -> list[str]:
-    """Return the verdict in one to three plain sentences."""
-    names = listed(at(f.id, f.where) for f in d.findings) if d.findings else ""
+    """Return the verdict in one to four plain sentences."""
     floor = (
         f" The floor, what differs between repetitions and so cannot be explained by a model, is {rms(d.floor_rms)} {d.unit}."
         if math.isfinite(d.floor_rms)
         else ""
     )
     way = "falls" if d.after_rms < d.before_rms else "rises"
-    own = ""
-    if d.own_rms is not None:
-        own = (
-            f" Dry friction differs by about {d.friction_spread:.0%} between runs; with each run's own friction the error "
-            f"changes from {rms(d.own_rms[0])} to {rms(d.own_rms[1])} {d.unit}."
-        )
-    change = (
-        f"The rms error {where_proven(d)} {way} from {rms(d.before_rms)} to {rms(d.after_rms)} {d.unit}.{floor}{own}"
-    )
-    leaves = f"The fit of the handout's model with free ratios leaves {rms(d.before_rms)} {d.unit} rms {where_proven(d)}.{floor}"
+    change = f"The rms error {where_reported(d)} {way} from {rms(d.before_rms)} to {rms(d.after_rms)} {d.unit}.{floor}"
+    leaves = f"The base model with free ratios leaves {rms(d.before_rms)} {d.unit} rms {where_reported(d)}.{floor}"
     unnamed = ""
     if d.unnamed is not None:
         unnamed = (
             f"{d.unnamed.share_of_error:.0%} of the remaining squared error has no name in the catalogue: a force on "
-            f"{d.unnamed.where.replace('_', ' ')} that follows {d.unnamed.acts_on}."
+            f"{d.unnamed.where.replace('_', ' ')} {d.unnamed.acts_on}."
         )
     if d.verdict == "no_mismatch":
-        return [
-            "No left-out physics is needed: no effect of the catalogue is significant.",
-            leaves,
-            *worse_sentences(d),
-        ]
+        return ["No left-out physics is needed: no effect of the catalogue is significant.", leaves]
     if d.verdict == "unexplained":
         first = "The model lacks something that no effect of the catalogue describes."
-        return [first, *([unnamed] if unnamed else []), leaves, *worse_sentences(d)]
+        return [first, *([unnamed] if unnamed else []), leaves]
     if d.verdict == "explained":
         more = ""
     elif d.unnamed is not None:
         more = ", and something more that no effect of the catalogue describes"
     else:
         more = ". The error stays above the floor, but nothing more is significant"
+    names = listed(at(f.id, f.where) for f in d.findings)
     return [f"The model left out: {names}{more}.", change, *worse_sentences(d), *([unnamed] if unnamed else [])]
 
 
 def worsened(d: Diagnosis) -> list[RecordingFit]:
-    """Return the recordings, held-out ones where there are, whose error rose by more than 5 % with the named physics."""
-    fits = [f for f in d.per_recording if math.isfinite(f.before_rms + f.after_rms) and f.before_rms > 0.0]
-    asked = [f for f in fits if f.held_out] or fits
+    """Return the recordings, report ones where there are, whose error rose by more than 5 % with the named physics."""
     if not d.findings:
         return []
+    fits = [f for f in d.per_recording if math.isfinite(f.before_rms + f.after_rms) and f.before_rms > 0.0]
+    asked = [f for f in fits if f.part == "report"] or fits
     worse = [f for f in asked if f.after_rms > _WORSE * f.before_rms]
     return sorted(worse, key=lambda f: f.before_rms / f.after_rms)
 
 
 def worse_sentences(d: Diagnosis) -> list[str]:
-    """Say which recordings the named physics describes worse than the fit without it; empty where none."""
+    """Say which recordings the named physics describes worse than the base model does; empty where none."""
     worse = worsened(d)
     if not worse:
         return []
-    held = [f for f in d.per_recording if f.held_out]
-    kind = "held-out recordings" if held else "recordings"
+    report = [f for f in d.per_recording if f.part == "report"]
+    kind = "report recordings" if report else "recordings"
     shown = listed(f"{f.recording} ({rms(f.before_rms)} → {rms(f.after_rms)} {f.unit})" for f in worse)
-    return [f"{len(worse)} of {len(held or d.per_recording)} {kind} got worse: {shown}."]
+    return [f"{len(worse)} of {len(report or d.per_recording)} {kind} got worse: {shown}."]
+
+
+def prediction_name(name: str) -> str:
+    """Return a prediction's name in words."""
+    if name == "steady_error":
+        return f"error after a {STROKE_MM:g} mm step at Kp = {STABLE_GAIN:g} V/mm"
+    for feedback in ("x1", "x2"):
+        name = name.replace(f"critical_gain_{feedback}_", f"critical gain from {feedback}, ")
+        name = name.replace(f"phase_margin_{feedback}", f"phase margin from {feedback} at Kp = {STABLE_GAIN:g} V/mm")
+    return {"resonance_hz": "resonance frequency", "damping_ratio": "damping ratio"}.get(name, name).replace(
+        "trajectory", "lab's trajectory"
+    )
+
+
+def figure(value: float | None) -> str:
+    """Return a predicted figure for a table; a dash where there is none."""
+    return "–" if value is None or not math.isfinite(value) else f"{value:.4g}"
+
+
+def interval(p: Interval) -> str:
+    """Return a predicted figure with its 95 % interval."""
+    if p.ci95 is None or p.ci95 == (None, None):
+        return figure(p.value)
+    low, high = ("no limit" if x is None else f"{x:.4g}" for x in p.ci95)
+    return f"{figure(p.value)} [{low}, {high}]"
+
+
+def extrapolation_sentences(d: Diagnosis) -> list[str]:
+    """Return why predictions leave what was recorded, one sentence for each reason."""
+    by: dict[str, list[str]] = {}
+    for p in d.predictions:
+        if p.extrapolated is not None:
+            by.setdefault(p.extrapolated, []).append(prediction_name(p.name))
+    return [f"Extrapolated: {listed(names)}. {why}" for why, names in by.items()]
 
 
 def telling_prediction(d: Diagnosis) -> Prediction | None:
     """Return the prediction that the rig answered, else the one that the naming changes most."""
-    known = [p for p in d.predictions if p.before and p.after]
+    known = [p for p in d.predictions if p.before.value and p.after.value]
     answered = [p for p in known if "grew" in p.measured]
-    return max(answered or known, key=lambda p: abs(math.log(abs((p.after or 1.0) / (p.before or 1.0)))), default=None)
+    return max(answered or known, key=_change, default=None)
+
+
+def _change(p: Prediction) -> float:
+    return abs(math.log(abs((p.after.value or 1.0) / (p.before.value or 1.0))))
+
+
+def homogeneity_sentence(d: Diagnosis) -> str:
+    """Say whether the parameters are the same in all recordings and sessions."""
+    if not d.homogeneity:
+        return "Not asked: the recordings are of one session, or a session has too few of them for estimates of its own."
+    changed = [h for h in d.homogeneity if "changed" in h.statement]
+    if not changed:
+        return "All parameters are the same within their uncertainty."
+    return f"{listed(h.parameter for h in changed)} changed; the others are the same within their uncertainty."
 
 
 def tie_sentences(f: Finding) -> list[str]:

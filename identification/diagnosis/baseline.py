@@ -8,6 +8,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from flexdrive_gym import Drive
+from flexdrive_gym.drive.parameters import checked
 from flexdrive_gym.recording import FloatArray
 from identification.diagnosis.bench import Bench, Values
 from identification.diagnosis.fit import Fit, fit
@@ -29,7 +30,7 @@ def tied(values: Values) -> dict[str, float]:
     return {**values, **{n: HANDOUT_RATIOS[r] * values.get(free, 0.0) for r, (n, free) in RATIOS.items()}}
 
 
-def fit_tied(bench: Bench, base: Fit) -> dict[str, float]:
+def fit_tied(bench: Bench, base: Fit) -> Drive:
     """Fit the base model with the handout's ratios held, from its free optimum."""
     follows = {n for n, _ in RATIOS.values()}
     start = dict(base.values)
@@ -37,7 +38,8 @@ def fit_tied(bench: Bench, base: Fit) -> dict[str, float]:
         # the sum is what both agree on
         start[free] = (start[free] + start[n]) / (1.0 + HANDOUT_RATIOS[ratio])
     names = [n for n in base.names if n not in follows]
-    return tied(fit(_Tied(bench), base.noise, tied(start), names).values)
+    best = fit(_Tied(bench), base.noise, tied(start), names)
+    return Drive(checked(tied(best.values)), name="handout's ratios")
 
 
 def ratios(drive: Drive) -> Mapping[str, Quantity]:

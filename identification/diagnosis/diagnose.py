@@ -168,9 +168,7 @@ class _Result:
         report = recording_fits(base, drive, split.report, "report", everything, self.pool)
         loops = loop_fits(base, drive, split.loops, self.pool)
         before, after, floor = total(report) if report else total(estimation)
-        tied = float("nan")
-        if self.topology.two_carts:
-            tied = velocity_rms(self.runs, fit_tied(self.bench, self.selection.first), self.pool)
+        tied = fit_tied(self.bench, self.selection.first) if self.topology.two_carts else None
         return in_units(
             Diagnosis(
                 verdict=_verdict(findings, nameless, estimation),
@@ -178,7 +176,7 @@ class _Result:
                 located=located([m.of_rig(units) for m in maps]),
                 findings=findings,
                 unnamed=nameless,
-                handout_tied_rms=tied,
+                handout_tied_rms=float("nan") if tied is None else velocity_rms(self.runs, tied.values, self.pool),
                 free_rms=total(estimation)[0],
                 ratios=ratios(base),
                 before_rms=before,
@@ -189,11 +187,13 @@ class _Result:
                 drive=drive,
                 base=base,
                 seconds=0.0,
+                p_value=max(self.selection.rounds[0].p, self.selection.rounds[0].p_rest),
                 split=replace(split, estimation=tuple(self.runs)),
                 notes=notes_of(drive, split, loops, self.bench.runs, units),
                 maps=tuple(maps),
                 harmonics=tuple(harmonics(forces, self.runs)),
                 forces=tuple(forces),
+                tied=tied,
             ),
             units,
         )

@@ -292,7 +292,7 @@ class Prediction:
             "before": self.before.as_json(),
             "after": self.after.as_json(),
             "unit": self.unit,
-            "measured": self.measured,
+            "measured": self.measured or None,
             "extrapolated": self.extrapolated,
         }
 
@@ -308,8 +308,8 @@ class Diagnosis:
     handout_tied_rms, free_rms
         Of the base model over the estimation recordings [unit], with the handout's ratios and with free ones; nan where the
         ratios do not apply.
-    ratios
-        Of the base model, with intervals.
+    ratios, tied
+        Of the base model, with intervals; and the drive with the handout's ratios, ``None`` where they do not apply.
     before_rms, after_rms, floor_rms
         Over the report recordings in open loop, or over all where none were kept [unit].
     located, maps, harmonics
@@ -318,6 +318,8 @@ class Diagnosis:
         These, in the engine's units.
     split
         Which recordings estimate, select and report.
+    p_value
+        Of the hypothesis that the base model lacks nothing: that of the best candidate in the first round.
     notes
         Sentences a reader should see.
     """
@@ -339,12 +341,14 @@ class Diagnosis:
     base: Drive
     seconds: float
     split: Split
+    p_value: float = float("nan")
     predictions: tuple[Prediction, ...] = ()
     unit: str = "mm/s"
     notes: tuple[str, ...] = ()
     maps: tuple[Map, ...] = ()
     harmonics: tuple[Harmonics, ...] = ()
     forces: tuple[MissingForce, ...] = ()
+    tied: Drive | None = None
 
     def as_json(self, drive: str = "drive.toml") -> dict[str, Any]:
         """Return the object of ``diagnosis.json``; what is not a number becomes null."""
@@ -354,6 +358,7 @@ class Diagnosis:
             {
                 "schema": SCHEMA,
                 "verdict": self.verdict,
+                "p_value": self.p_value,
                 "faults": [
                     {k: getattr(f, k) for k in ("recording", "where", "id", "start_s", "end_s")} for f in self.faults
                 ],
@@ -454,6 +459,7 @@ def in_units(found: Diagnosis, units: Units) -> Diagnosis:
         per_recording=tuple(f.of_rig(units) for f in found.per_recording),
         drive=found.drive.replace(units=units),
         base=found.base.replace(units=units),
+        tied=None if found.tied is None else found.tied.replace(units=units),
         unit=units.name("mm/s"),
         maps=tuple(m.of_rig(units) for m in found.maps),
         harmonics=tuple(h.of_rig(units) for h in found.harmonics),

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from identification.diagnosis.maps import UNITS, variables
-from identification.mismatch.shapes import AXES, FRICTION
 from identification.plots import style
 from identification.plots.style import legend_above, moving_mean, new_figure, shade_faults, styled
 from identification.signals import velocities
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
     from flexdrive_gym.recording import BoolArray, FloatArray
     from identification.diagnosis.maps import Map
     from identification.diagnosis.missing_force import MissingForce
-    from identification.mismatch.verdict import Curve
+    from identification.diagnosis.verdict import Curve
 
 _BEFORE = "#a4541c"
 _AFTER = "#1f5a99"
@@ -129,10 +128,6 @@ def plot_before_after(
     return figure
 
 
-# longer names are words
-_SYMBOL = 3
-
-
 def _points(forces: Sequence[MissingForce], m: Map) -> tuple[FloatArray, FloatArray]:
     cart = int(m.where[-1]) - 1
     x = np.concatenate([variables(f)[m.variable][f.usable[cart]] for f in forces])
@@ -173,9 +168,9 @@ def plot_telling_map(
         The force that the named physics supplies, from the diagnosed drive's own runs.
     """
     figure = new_figure(3.1)
-    stages = [("force the free fit leaves missing", measured, before, _BEFORE)]
+    stages = [("force the base model leaves missing", measured, before, _BEFORE)]
     if after is not None:
-        stages[0] = ("before: force the free fit leaves missing", measured, before, _BEFORE)
+        stages[0] = ("before: force the base model leaves missing", measured, before, _BEFORE)
         stages.append(("after: what remains with the named physics", left, after, _AFTER))
     panels = figure.subplots(1, len(stages), sharex=True, sharey=True, squeeze=False)[0]
     reach = 0.0
@@ -239,17 +234,14 @@ def plot_maps(before: Sequence[Map], after: Sequence[Map] = ()) -> Figure:
 @styled
 def plot_curve(curve: Curve, where: str) -> Figure:
     """Plot a missing force that is a free function of one variable, with its band of two standard errors."""
-    friction = curve.variable.startswith(FRICTION)
-    name = curve.variable.removeprefix(FRICTION)
     figure = new_figure(2.4)
     axes = figure.subplots()
     low, high = curve.force - 2.0 * curve.band, curve.force + 2.0 * curve.band
     axes.fill_between(curve.at, low, high, color=_BEFORE, alpha=0.25, linewidth=0.0)
     axes.plot(curve.at, curve.force, color=_BEFORE, linewidth=1.6, marker=".", markersize=4.0)
     axes.axhline(0.0, color=style.COMMAND, linewidth=0.7)
-    symbol = name.replace("δ", r"\delta")
-    shown = f"${symbol[0]}_{symbol[1]}$" if name in {"v1", "v2"} else f"${symbol}$" if len(name) <= _SYMBOL else name
-    axes.set_xlabel(f"{shown} [{curve.units.name(AXES[name])}]")
-    axes.set_ylabel(f"{'friction' if friction else 'force'} missing\non cart {where[-1]} [{curve.units.command}]")
+    axes.set_xlabel(f"{curve.variable} [{curve.unit}]")
+    place = "in the spring" if where == "spring" else f"on {where.replace('_', ' ')}"
+    axes.set_ylabel(f"force missing\n{place} [{curve.command}]")
     axes.margins(x=0.01)
     return figure

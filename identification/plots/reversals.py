@@ -18,7 +18,10 @@ _LINES = ("#333333", "#b3202c", "#2a8a5b", "#7a5195")
 
 @styled
 def plot_reversals(
-    groups: Mapping[str, Sequence[Reversal]], simulated: Mapping[str, Mapping[str, Sequence[Reversal]]]
+    groups: Mapping[str, Sequence[Reversal]],
+    simulated: Mapping[str, Mapping[str, Sequence[Reversal]]],
+    *,
+    unit: str = "mm/s",
 ) -> Figure:
     """Plot v1 and v2 around the reversals of the command.
 
@@ -28,13 +31,16 @@ def plot_reversals(
         Title of a row (an amplitude) to the measured reversals of its recordings, one thick line each.
     simulated
         Name of a model to the same of its simulations; of each group their first is drawn.
+    unit
+        Of velocities.
 
     Returns
     -------
     matplotlib.figure.Figure
     """
     figure = new_figure(0.9 + 1.7 * len(groups))
-    grid = figure.subplots(len(groups), 2, sharex=True, squeeze=False)
+    carts = len(next(iter(groups.values()))[0].v)
+    grid = figure.subplots(len(groups), carts, sharex=True, squeeze=False)
     for axes, (title, measured) in zip(grid, groups.items(), strict=True):
         for cart, panel in enumerate(axes):
             for i, r in enumerate(measured):
@@ -42,9 +48,9 @@ def plot_reversals(
                 colour = style.CART[cart + 1]
                 panel.plot(1e3 * r.t, r.v[cart], color=colour, linewidth=2.0, alpha=0.45, label=label)
             for (name, model), colour in zip(simulated.items(), _LINES, strict=False):
-                r = model[title][0]
-                panel.plot(1e3 * r.t, r.v[cart], color=colour, linewidth=1.1, label=name)
-            panel.set_ylabel(f"change of $v_{cart + 1}$ [mm/s]")
+                for r in model[title][:1]:
+                    panel.plot(1e3 * r.t, r.v[cart], color=colour, linewidth=1.1, label=name)
+            panel.set_ylabel(f"change of $v_{cart + 1}$ [{unit}]")
             panel.set_title(title, loc="left")
     for panel in grid[-1]:
         panel.set_xlabel("time since the reversal [ms]")

@@ -16,7 +16,7 @@ from flexdrive_gym import Drive, load_drive, save_drive
 from identification import write_recording
 from tests.baselines.public_data.stand_ins import lose, write_carriage
 from tests.drive.drives import RIG
-from tests.identification.mismatch.lab import SHORT, T, short_day
+from tests.identification.diagnosis.lab import KINDS, T, data_set
 
 COMMANDS = [command.callback.__name__ for command in app.registered_commands]
 
@@ -165,7 +165,7 @@ def test_experiments_can_be_identified_again(folder):
 def diagnosed(tmp_path_factory):
     """The diagnosis of four short runs of a rig whose spring hardens."""
     base = tmp_path_factory.mktemp("diagnosis")
-    for run in short_day({"hardening_spring.k3": 2e-4}, kinds=(SHORT[0], *SHORT[2:]), t=T[:2001]):
+    for run in data_set({"hardening_spring.k3": 2e-4}, kinds=(KINDS[0], *KINDS[2:]), t=T[:2001]):
         write_recording(run, base / "recordings" / f"{run.name}.csv")
     (base / "out").mkdir()
     (base / "out" / "suggest_1_sine_1V_1Hz.csv").write_text("of an earlier diagnosis")

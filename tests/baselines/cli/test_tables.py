@@ -7,7 +7,7 @@ from baselines.cli import _output, app
 from baselines.cli._tables import laid_out, wrapped_sentence
 from flexdrive_gym import DEFAULT_DRIVE, Covariance, Drive, save_drive
 from identification import write_recording
-from tests.identification.mismatch.lab import SHORT, T, short_day
+from tests.identification.diagnosis.lab import KINDS, T, data_set
 
 WIDTHS = (60, 80, 140)
 WIDE = (
@@ -64,7 +64,7 @@ def test_a_sentence_is_wrapped_between_words():
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
     base = tmp_path_factory.mktemp("lab")
-    for run in short_day({}, kinds=SHORT, t=T[:2001]):
+    for run in data_set(t=T[:2001]):
         write_recording(run, base / "recordings" / f"{run.name}.csv")
     spread = Covariance(("k",), [[1e-6]])
     save_drive(Drive(DEFAULT_DRIVE.values, covariance=spread, name="a rig of the winter"), base / "drive.toml")

@@ -6,7 +6,7 @@ import pytest
 from flexdrive_gym.references import sine
 from identification.diagnosis.missing_force import missing_force
 from tests.drive.drives import FRICTIONLESS, RIG
-from tests.identification.mismatch.lab import pushed_run
+from tests.identification.diagnosis.lab import pushed_run
 
 N = 4001
 T = np.arange(N) * 1e-3

@@ -1,4 +1,4 @@
-"""Suggested experiments separate the rivals, and stay within the rig's limits."""
+"""Suggested experiments separate what ties, and stay within the rig's limits."""
 
 import numpy as np
 import pandas as pd
@@ -6,22 +6,29 @@ import pytest
 
 from flexdrive_gym import Drive
 from identification.diagnosis.suggest import COMMAND_LIMIT_V, TRAVEL_MM, command, suggest_experiments, write_suggestions
+from identification.diagnosis.verdict import Finding, Named, RecordingFit
 from tests.drive.drives import RIG
-from tests.identification.mismatch.lab import diagnosis
+from tests.identification.diagnosis.lab import diagnosis
 
 OURS = {**RIG, "stribeck.cart_1.extra": 0.12, "stribeck.cart_1.vs": 40.0}
 THEIRS = {**RIG, "quadratic_drag.cart_1.c": 3e-6}
 FOUND = diagnosis(
     drive=Drive(OURS),
-    floor_rms=2.5,
-    extra={
-        "rivals": {
-            "stribeck@cart_1": [
-                {"id": "stribeck", "where": "cart_1", "values": OURS},
-                {"id": "quadratic_drag", "where": "cart_1", "values": THEIRS},
-            ]
-        }
-    },
+    findings=(
+        Finding(
+            "stribeck",
+            "cart_1",
+            {},
+            (Named("quadratic_drag", "cart_1"),),
+            None,
+            0.5,
+            0.001,
+            9.0,
+            5.0,
+            drives=(Drive(OURS, name="stribeck@cart_1"), Drive(THEIRS, name="quadratic_drag@cart_1")),
+        ),
+    ),
+    per_recording=(RecordingFit("a", "estimation", 9.0, 5.0, 2.5), RecordingFit("b", "report", 9.0, 5.0, 50.0)),
 )
 
 
@@ -30,7 +37,7 @@ def suggestions():
     return suggest_experiments(FOUND)
 
 
-def test_without_rivals_there_is_nothing_to_suggest():
+def test_without_ties_there_is_nothing_to_suggest():
     assert suggest_experiments(diagnosis()) == ()
 
 

@@ -8,7 +8,7 @@ import pytest
 from identification.replay.batch import Together
 from identification.replay.output_error import prepare, simulate_run
 from tests.drive.drives import RIG
-from tests.identification.mismatch.lab import SHORT, short_day
+from tests.identification.diagnosis.lab import KINDS, data_set
 
 DRIVES = [
     RIG,
@@ -19,7 +19,7 @@ DRIVES = [
 
 @pytest.fixture(scope="module")
 def runs():
-    return [prepare(r) for r in short_day(kinds=SHORT[:3])]
+    return [prepare(r) for r in data_set(kinds=KINDS[:3])]
 
 
 def alone(values, run, offset=0.0, pushes=None):

@@ -10,7 +10,7 @@ from identification.replay.batch import Together
 from identification.replay.output_error import prepare
 from tests.drive.drives import RIG
 from tests.drive.effects.runs import start_values
-from tests.identification.mismatch.lab import SHORT, short_day
+from tests.identification.diagnosis.lab import KINDS, data_set
 
 INSTANCES = [
     (effect, where)
@@ -35,7 +35,7 @@ FURTHER = {
 @pytest.fixture(scope="module")
 def runs():
     """Recordings of several lengths; the first comes twice, once at rest and once with its track unknown in part."""
-    day = [prepare(r) for r in short_day(kinds=SHORT)]
+    day = [prepare(r) for r in data_set()]
     gap = day[0].track.copy()
     gap[0, 200:300] = np.nan
     return [*day, replace(day[0], u=np.zeros_like(day[0].u)), replace(day[0], track=gap)]
