@@ -59,10 +59,11 @@ def row(name: str, found: Diagnosis) -> tuple[str, ...]:
         "; ".join(f"{t.id}@{t.where}" for f in found.findings for t in f.ties) or "–",
         f"{found.before_rms:.2f} → {found.after_rms:.2f} ({found.floor_rms:.2f}) {found.unit}",
         "–" if simulated is None else f"{words.interval(simulated.before)} → {words.interval(simulated.after)}",
-        "–" if lab is None else f"{words.interval(lab.before)} → {words.interval(lab.after)}; {lab.measured or 'not tried'}",
+        "–"
+        if lab is None
+        else f"{words.interval(lab.before)} → {words.interval(lab.after)}; {lab.measured or 'not tried'}",
         str(len([f for f in found.faults if f.id != "saturation"])),
         f"{found.seconds:.0f}",
         # in kB on Linux
         f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f}",
     )
-

@@ -18,9 +18,9 @@ from scipy.stats import binomtest
 from baselines.blind_study.plan import Trial, plan
 from baselines.rig_simulator.make import make_case
 from flexdrive_gym.recording import Recording
-from identification.mismatch.diagnose import diagnose as old_diagnose
 from identification import read_recordings
 from identification.diagnosis.diagnose import diagnose as new_diagnose
+from identification.mismatch.diagnose import diagnose as old_diagnose
 
 Name = tuple[str, str]
 

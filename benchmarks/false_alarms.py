@@ -19,6 +19,7 @@ from pathlib import Path
 
 import joblib
 import numpy as np
+from matplotlib.figure import Figure
 from platformdirs import user_cache_path
 
 from baselines.blind_study.study import engine
@@ -26,6 +27,7 @@ from baselines.evaluation.proportions import share
 from baselines.rig_simulator.make import make_case
 from flexdrive_gym import Recording
 from flexdrive_gym.files import write_atomically
+from flexdrive_gym.recording import FloatArray
 from identification import diagnose, read_recordings
 from identification.diagnosis.bench import Values, free
 from identification.plots.style import new_figure, save_png
@@ -56,7 +58,9 @@ def main() -> None:
     for r in results:
         if r["verdict"] != "no_mismatch":
             print(f"draw {r['draw']}: {r['verdict']}; {', '.join(r['findings']) or 'unnamed'}")
-    print(f"data sets with a name: {share([bool(r['findings']) for r in results])}; at most {1.5 * given.alpha:.0%} asked for")
+    print(
+        f"data sets with a name: {share([bool(r['findings']) for r in results])}; at most {1.5 * given.alpha:.0%} asked for"
+    )
     print(f"data sets with a name or something unnamed: {share([r['verdict'] != 'no_mismatch' for r in results])}")
     p = np.sort([r["p_value"] for r in results])
     print(f"wrote {save_png(_plot(p, given.kind), OUT / f'null_p_values_{given.kind}.png', 120)}")
@@ -106,7 +110,7 @@ def _of_rig(draw: int) -> Sequence[Recording]:
 NULLS: dict[str, Callable[[int], Sequence[Recording]]] = {"generator": _of_generator, "rig": _of_rig}
 
 
-def _plot(p: np.ndarray, kind: str):  # type: ignore[no-untyped-def]
+def _plot(p: FloatArray, kind: str) -> Figure:
     figure = new_figure(3.0)
     axes = figure.subplots()
     axes.plot(p, np.arange(1, len(p) + 1) / len(p), drawstyle="steps-post", label=f"{len(p)} null data sets, {kind}")
@@ -115,4 +119,3 @@ def _plot(p: np.ndarray, kind: str):  # type: ignore[no-untyped-def]
     axes.set_ylabel("share of data sets")
     axes.legend(loc="best")
     return figure
-

@@ -1,9 +1,9 @@
 """Identification of the drive from recordings: read, identify, validate, diagnose."""
 
-from identification.likelihood import MaximumLikelihood, identify_by_likelihood
-from identification.methods import Identification, identify
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.verdict import Diagnosis
+from identification.likelihood import MaximumLikelihood, identify_by_likelihood
+from identification.methods import Identification, identify
 from identification.readiness import Check, check
 from identification.recordings import RecordingError, read_recordings, write_recording
 from identification.validation import Validation, validate

@@ -32,7 +32,10 @@ def diagnose(
         "diagnosis"
     ),
     seed: Annotated[
-        int, typer.Option(min=0, max=MOST_SEED, help="Of the null draws and of the drawn drives; the same seed, the same answer.")
+        int,
+        typer.Option(
+            min=0, max=MOST_SEED, help="Of the null draws and of the drawn drives; the same seed, the same answer."
+        ),
     ] = 0,
     alpha: Annotated[
         float,
@@ -193,7 +196,13 @@ def print_diagnosis(found: Diagnosis) -> None:
             "predictions",
             ["", "before [95 %]", "after [95 %]", "unit", "on the rig"],
             [
-                [words.prediction_name(p.name), words.interval(p.before), words.interval(p.after), p.unit, p.measured or "–"]
+                [
+                    words.prediction_name(p.name),
+                    words.interval(p.before),
+                    words.interval(p.after),
+                    p.unit,
+                    p.measured or "–",
+                ]
                 for p in found.predictions
             ],
         )

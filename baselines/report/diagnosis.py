@@ -90,9 +90,7 @@ def main_sections(diagnosis: Diagnosis, *, jobs: int | None = None) -> list[Sect
 def _subtitle(d: Diagnosis) -> str:
     kept = len(d.split.report) + len(d.split.loops)
     fitted = len(d.split.estimation)
-    return (
-        f"{fitted + kept} recordings: {fitted} estimate and, each predicted by the others, select; {kept} kept for the report"
-    )
+    return f"{fitted + kept} recordings: {fitted} estimate and, each predicted by the others, select; {kept} kept for the report"
 
 
 def _tiles(d: Diagnosis) -> list[dict[str, str]]:
@@ -176,8 +174,9 @@ def _findings(d: Diagnosis) -> Section:
         rows,
     )
     section.text(
-        "In the order in which they were accepted. “Explains”: the share that goes of the squared error left by what was accepted "
-        "before, every recording weighted by its own noise. The p-value: how often the best candidate of the whole catalogue "
+        "In the order in which they were accepted. “Explains”: the share that goes of the squared error left by what was "
+        "accepted before, every recording weighted by its own noise. "
+        "The p-value: how often the best candidate of the whole catalogue "
         "predicts other recordings as well in data of this rig in which nothing is left out."
     )
     return section
@@ -208,11 +207,11 @@ def _overlay(d: Diagnosis) -> Section:
         return section
     run, fit = shown_recording(d)
     before, after = (replay(each, run) for each in (d.base, d.drive))
-    about = f"{run.name}: {run.excitation.text(run.units)}, {'kept for the report' if fit.part == 'report' else 'fitted'}"
+    about = (
+        f"{run.name}: {run.excitation.text(run.units)}, {'kept for the report' if fit.part == 'report' else 'fitted'}"
+    )
     if not d.findings:
-        section.figure(
-            plot_validation(run, before), f"{about}. No effect was named: this is the base model.", dpi=_DPI
-        )
+        section.figure(plot_validation(run, before), f"{about}. No effect was named: this is the base model.", dpi=_DPI)
         return section
     section.figure(
         plot_before_after(run, before, after),
@@ -244,9 +243,10 @@ def _reversals(d: Diagnosis, pool: Executor) -> Section:
     counts = sum(found.count for rows in chosen.values() for _, found in rows)
     section.figure(
         plot_reversals(measured, simulated, unit=units.name("mm/s")),
-        f"Mean over all reversals of the command ({counts}), one thick line for each recording, turned so that the command rises. "
-        "What differs between runs averages out; repetitions fall onto one line, and where simulation leaves it, physics is "
-        "missing. A jump in both velocities within 10 ms is faster than the spring can carry: a base that recoils, play, or delay.",
+        f"Mean over all reversals of the command ({counts}), one thick line for each recording, turned so that the command "
+        "rises. What differs between runs averages out; repetitions fall onto one line, and where simulation leaves it, "
+        "physics is missing. A jump in both velocities within 10 ms is faster than the spring can carry: a base that recoils, "
+        "play, or delay.",
         dpi=_DPI,
     )
     return section
@@ -274,7 +274,14 @@ def _recordings(d: Diagnosis) -> Section:
     section = Section("Recordings, before and after", "recordings")
     places = any(f.after_position_rms is not None for f in d.per_recording)
     length = d.base.units.length
-    columns = ("recording", "before", "after", "floor", "unit", *((f"position before → after [{length}]",) if places else ()))
+    columns = (
+        "recording",
+        "before",
+        "after",
+        "floor",
+        "unit",
+        *((f"position before → after [{length}]",) if places else ()),
+    )
     parts = {"report": "Kept for the report: opened when the names were final", "estimation": "Fitted"}
     for part, heading in parts.items():
         fits = [f for f in d.per_recording if f.part == part]
@@ -303,7 +310,13 @@ def _predictions(d: Diagnosis) -> Section:
     if not d.predictions:
         return section
     section.table(
-        ("prediction", *(("before [95 %]", "after [95 %]") if d.findings else ("[95 %]",)), "unit", "on the rig", "extrapolated"),
+        (
+            "prediction",
+            *(("before [95 %]", "after [95 %]") if d.findings else ("[95 %]",)),
+            "unit",
+            "on the rig",
+            "extrapolated",
+        ),
         [
             (
                 words.prediction_name(p.name),
@@ -317,8 +330,8 @@ def _predictions(d: Diagnosis) -> Section:
         ],
     )
     section.text(
-        "Of another run of this rig: simulated on draws of the drive, parameters from the jackknife over recordings and dry friction "
-        "as it differs from run to run."
+        "Of another run of this rig: simulated on draws of the drive, parameters from the jackknife over recordings and dry "
+        "friction as it differs from run to run."
     )
     section.items(words.extrapolation_sentences(d))
     return section

@@ -55,11 +55,11 @@ TERMS = (
         "of independent ones. The intervals are computed with that.",
     ),
     Term(
-        "false-alarm probability",
-        r"[Ff]alse[- ]alarms?(?: probability)?",
-        "The probability that the best candidate of the whole catalogue scores as high on a rig that has none"
-        " of these effects, only friction that differs between runs, an uneven track and noise. It is found "
-        "by repeating the search on such simulated rigs.",
+        "p-value",
+        r"p-values?",
+        "How often the best candidate of the whole catalogue predicts other recordings as well in data of this "
+        "rig in which nothing is left out: the model's own simulation with the residuals of the recordings, "
+        "their signs drawn anew.",
     ),
     Term(
         "floor",
@@ -68,10 +68,10 @@ TERMS = (
         " experiment. A model gives the same answer to the same command, so no model can leave less.",
     ),
     Term(
-        "held out",
-        r"[Hh]eld[ -]out",
-        "Not used for the fit. The error on held-out recordings says whether the model describes the rig, or "
-        "merely the recordings that it was fitted to (the estimation set).",
+        "report recordings",
+        r"[Rr]eport recordings?|[Hh]eld[ -]out",
+        "Held out: used neither to fit nor to choose what is named. The error on them says whether the model "
+        "describes the rig, or merely the recordings that it was fitted to (the estimation recordings).",
     ),
     Term(
         "interquartile mean",

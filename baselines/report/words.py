@@ -163,7 +163,9 @@ def _change(p: Prediction) -> float:
 def homogeneity_sentence(d: Diagnosis) -> str:
     """Say whether the parameters are the same in all recordings and sessions."""
     if not d.homogeneity:
-        return "Not asked: the recordings are of one session, or a session has too few of them for estimates of its own."
+        return (
+            "Not asked: the recordings are of one session, or a session has too few of them for estimates of its own."
+        )
     changed = [h for h in d.homogeneity if "changed" in h.statement]
     if not changed:
         return "All parameters are the same within their uncertainty."

@@ -127,7 +127,7 @@ def without_known(topology: Topology) -> tuple[Topology, dict[str, float]]:
     """Return the bodies alone, and the start values of the effects that a topology knows."""
     known = {n: v for n, v in topology.start.items() if "." in n and n in topology.free}
     # what is at its null has no slope to be fitted from
-    usual = {n: v if v else 1e-6 for n, v in known.items()}
+    usual = {n: v or 1e-6 for n, v in known.items()}
     start = {n: v for n, v in topology.start.items() if n not in known}
     return replace(topology, free=tuple(n for n in topology.free if n not in known), start=start), usual
 
@@ -158,7 +158,10 @@ class _Result:
     def diagnosis(self, same: tuple[Homogeneity, ...]) -> Diagnosis:
         """Return the diagnosis but for what only the caller knows."""
         units, split = self.runs[0].units, self.split
-        base, drive = self.drive(self.selection.first, "base model"), self.drive(self.selection.model, "diagnosed drive")
+        base, drive = (
+            self.drive(self.selection.first, "base model"),
+            self.drive(self.selection.model, "diagnosed drive"),
+        )
         forces = list(self.pool.map(lambda r: missing_force(base.values, r), self.runs))
         maps = draw_maps(forces)
         findings = tuple(self.finding(c, step, drive) for c, step in self.selection.accepted)
@@ -206,7 +209,9 @@ class _Result:
             values,
             {k: v for k, v in limits.items() if k in values},
             covariance,
-            Provenance("diagnosis", tuple(r.name for r in self.runs), __version__, "fitted to the estimation recordings"),
+            Provenance(
+                "diagnosis", tuple(r.name for r in self.runs), __version__, "fitted to the estimation recordings"
+            ),
             name=name,
             run_to_run=friction_run_to_run(values, self.bench.runs, self.pool),
             recorded=recorded_range(self.runs),

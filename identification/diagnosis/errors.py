@@ -1,7 +1,7 @@
 """How far drives are off in recordings, before and after physics was named: velocities in open loop, positions in closed.
 
-Open-loop runs are replayed; effects of position follow the simulated carts. Closed loops are simulated in the loop where their law
-is known, over short windows where it is not (:mod:`identification.validation`).
+Open-loop runs are replayed; effects of position follow the simulated carts. Closed loops are simulated in the loop where their
+law is known, over short windows where it is not (:mod:`identification.validation`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,12 @@ from identification.validation import validate
 
 
 def recording_fits(
-    before: Drive, after: Drive, recordings: Sequence[Recording], part: Part, everything: Sequence[Recording], pool: Executor
+    before: Drive,
+    after: Drive,
+    recordings: Sequence[Recording],
+    part: Part,
+    everything: Sequence[Recording],
+    pool: Executor,
 ) -> list[RecordingFit]:
     """Return the errors of two drives in open-loop recordings.
 

@@ -22,8 +22,8 @@ from identification.diagnosis.noise import estimate
 from identification.diagnosis.settings import Settings
 from identification.diagnosis.verdict import Diagnosis
 from identification.initial_state import with_start
-from identification.replay.output_error import Run, prepare_measured
 from identification.replay.batch import Together
+from identification.replay.output_error import Run, prepare_measured
 from identification.topology import Topology
 
 _ROUNDS = 3

@@ -26,7 +26,9 @@ def notes_of(
     if split.blocks:
         notes.append("all blocks are parts of one recording: nothing is known of what differs from run to run")
     if not split.report and not split.loops:
-        notes.append("too few recordings to keep any for the report: errors are those of the recordings that were fitted")
+        notes.append(
+            "too few recordings to keep any for the report: errors are those of the recordings that were fitted"
+        )
     windows = [f for f in loops if f.how.startswith("windows")]
     if windows:
         notes.append(

@@ -92,11 +92,7 @@ def command(kind: Kind, amplitude: float, frequency: float) -> tuple[FloatArray,
 
 def explanations(diagnosis: Diagnosis) -> dict[str, tuple[Drive, Drive]]:
     """Return pairs of drives that are to be told apart, by their names: a finding's and a tie's, fitted in the same round."""
-    return {
-        f"{f.name} or {other.name}": (f.drives[0], other)
-        for f in diagnosis.findings
-        for other in f.drives[1:]
-    }
+    return {f"{f.name} or {other.name}": (f.drives[0], other) for f in diagnosis.findings for other in f.drives[1:]}
 
 
 def suggest_experiments(diagnosis: Diagnosis, *, most: int = 3) -> tuple[Suggestion, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
@@ -392,7 +392,9 @@ class Diagnosis:
 
     def __str__(self) -> str:
         floor = (
-            f"floor {self.floor_rms:.3g}" if math.isfinite(self.floor_rms) else "no floor, because no run repeats itself"
+            f"floor {self.floor_rms:.3g}"
+            if math.isfinite(self.floor_rms)
+            else "no floor, because no run repeats itself"
         )
         where = "report recordings" if self.split.report else "all recordings (none kept for the report)"
         lines = [

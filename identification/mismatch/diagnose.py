@@ -14,11 +14,11 @@ from threadpoolctl import threadpool_limits
 
 from flexdrive_gym import DEFAULT_DRIVE, Drive
 from flexdrive_gym.recording import Recording
+from identification.diagnosis.maps import Map, draw_maps, harmonics
+from identification.diagnosis.missing_force import MissingForce, missing_force
 from identification.likelihood import MaximumLikelihood, identify_by_likelihood
 from identification.mismatch.chance import null_residuals
 from identification.mismatch.crew import Crew
-from identification.diagnosis.maps import Map, draw_maps, harmonics
-from identification.diagnosis.missing_force import MissingForce, missing_force
 from identification.mismatch.proof import Proof
 from identification.mismatch.prove import loop_fits, own_rms, total, velocity_fits
 from identification.mismatch.proving import Proving, held_of, keys_of

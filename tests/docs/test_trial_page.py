@@ -221,30 +221,6 @@ def test_limits_that_were_not_seen_are_now():
     assert f"predict gains that are {said}" in read("docs/trial.md").replace("\n  ", " ")
 
 
-# study, trial; decision
-MENDED = [
-    pytest.param("seed_6", 29, id="24-sensor-without-sign"),
-    pytest.param("seed_6", 37, id="24-encoder-scale-beside-hardening-spring"),
-    pytest.param("seed_6", 69, id="25-breakaway-where-commands-jump"),
-    pytest.param("seed_6", 194, id="25-hardening-hidden-by-rough-track"),
-    pytest.param("seed_6", 33, id="26-dead-zone-whose-plain-error-grows"),
-    pytest.param("seed_6", 118, id="26-drag-whose-plain-error-grows"),
-    pytest.param("begun_8", 20, id="27-stribeck-that-comes-again-larger"),
-    pytest.param("begun_8", 68, id="27-breakaway-by-another-law"),
-]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("study", "number"), MENDED)
-def test_what_a_decision_mends_was_missed_in_the_study_before_it(study, number, tmp_path):
-    outcome = found_in(ROOT / "docs/trial" / study)[number]
-    assert any(c.named == "missed" for c in judge(outcome).concealed)
-    trial = Trial(**outcome["trial"])
-    make_case(tmp_path / "recordings", tmp_path / "truth.json", trial.seed, trial.kind, trial.size, trial.effect)
-    found = {(f.id, f.where) for f in diagnose(tmp_path / "recordings", seed=trial.seed).findings}
-    assert found == {(e["id"], e["where"]) for e in outcome["truth"]["effects"]}
-
-
 def test_one_trial_of_all_studies_conceals_one_sided_dry_friction_of_a_cart_with_bristles():
     """The concealed rigs had left it out there (docs/trial.md)."""
 

@@ -10,7 +10,7 @@ from identification.diagnosis.remaining import remaining, replay
 from identification.diagnosis.split import Split
 from identification.plots.mismatch import plot_before_after, plot_maps, plot_telling_map, telling_window
 from tests.drive.drives import RIG
-from tests.identification.diagnosis.lab import diagnosis, data_set
+from tests.identification.diagnosis.lab import data_set, diagnosis
 
 HARD = {"hardening_spring.k3": 2e-4}
 

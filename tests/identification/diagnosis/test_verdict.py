@@ -79,7 +79,13 @@ def test_the_schema_refuses_what_is_not_in_the_contract():
 
 
 def test_a_statement_says_what_where_how_big_and_how_sure():
-    for part in ("stribeck at cart 1", "extra = 0.1 [0.08, 0.12] V", "60%", "p = 0.01", "cannot tell it from presliding"):
+    for part in (
+        "stribeck at cart 1",
+        "extra = 0.1 [0.08, 0.12] V",
+        "60%",
+        "p = 0.01",
+        "cannot tell it from presliding",
+    ):
         assert part in FINDING.statement
 
 
