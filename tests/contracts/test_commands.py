@@ -177,12 +177,12 @@ def test_diagnose_prints_what_it_writes(diagnosed):
     assert result.returncode == 0, result.stderr
     found = json.loads(result.stdout)
     assert found == json.loads((base / "out" / "diagnosis.json").read_text(encoding="utf-8"))
-    schema = files("identification.mismatch") / "diagnosis.schema.json"
+    schema = files("identification.diagnosis") / "diagnosis.schema.json"
     jsonschema.validate(found, json.loads(schema.read_text(encoding="utf-8")))
     assert found["verdict"] in {"explained", "partly_explained"}
     assert found["findings"][0]["id"] == "hardening_spring"
     assert found["findings"][0]["parameters"]["k3"]["value"] == pytest.approx(2e-4, rel=0.1)
-    assert {p["name"] for p in found["predictions"]} >= {"critical gain from x2, simulated", "damping ratio"}
+    assert {p["name"] for p in found["predictions"]} >= {"critical_gain_x2_simulated", "damping_ratio"}
     # files of an earlier diagnosis are gone with it
     assert {p.name for p in (base / "out").iterdir()} >= {"diagnosis.json", "drive.toml", "report.html"}
     assert not (base / "out" / "suggest_1_sine_1V_1Hz.csv").exists()
@@ -204,13 +204,15 @@ def test_the_page_of_a_diagnosis(diagnosed):
         "findings",
         "faults",
         "remains",
+        "reversals",
         "recordings",
         "predictions",
+        "homogeneity",
         "baseline",
         "harmonics",
     ):
         assert f'id="{anchor}"' in page
-    assert page.count("data:image/png;base64,") == 3
+    assert page.count("data:image/png;base64,") == 4
 
 
 def test_too_little_to_diagnose_names_the_next_experiment(diagnosed, tmp_path):
