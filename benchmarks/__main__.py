@@ -8,7 +8,6 @@ from benchmarks import (
     controllers,
     coverage,
     diagnosis,
-    engines,
     environment,
     false_alarms,
     friction_by_run,
@@ -39,7 +38,6 @@ ALL = {
 LONG = {
     "diagnosis": diagnosis.main,
     "lab": lab.main,
-    "engines": engines.main,
     "false_alarms": false_alarms.main,
     "friction_by_run": friction_by_run.main,
     "learners": learners.main,
