@@ -30,6 +30,12 @@ from identification.diagnosis.whiten import transitions, whitened
 # intensity of white forces [s^½], standard deviation of slow ones [1], relative to dry friction, and their time [s], where a search
 # begins: what two recorded rigs have (``python -m benchmarks forces``)
 WHITE, SLOW, TIME_S = 0.01, 0.1, 0.3
+# share of the command that unknown forces may have: more is something left out; white ones as their mean over so many seconds
+_MOST_OF_COMMAND, _MEAN_S = 0.1, 0.05
+# between a block and a run [s]
+_TIMES_S = (0.005, 10.0)
+# share of the command that dry friction has at least, where the search begins
+_LEAST_LEVEL = 0.02
 # standard deviation of the logarithms of these over rigs
 _BETWEEN_RIGS = 2.0
 # evaluations of the likelihood per search
@@ -59,9 +65,18 @@ class Forces:
     time_s: float
 
     @classmethod
-    def of(cls, theta: FloatArray, level: float) -> Forces:
-        """Return the forces from logarithms relative to the start of a search."""
-        w, s, t = WHITE * level * np.exp(theta[:2]), SLOW * level * np.exp(theta[2:4]), TIME_S * np.exp(theta[4])
+    def of(cls, theta: FloatArray, level: float, command: float) -> Forces:
+        """Return the forces from logarithms relative to the start of a search.
+
+        Parameters
+        ----------
+        level, command
+            Dry friction, and the rms command [V]. What is a larger share of the command is no noise.
+        """
+        most = _MOST_OF_COMMAND * command
+        w = np.minimum(WHITE * level * np.exp(np.minimum(theta[:2], 50.0)), most * np.sqrt(_MEAN_S))
+        s = np.minimum(SLOW * level * np.exp(np.minimum(theta[2:4], 50.0)), most)
+        t = np.clip(TIME_S * np.exp(np.clip(theta[4], -50.0, 50.0)), *_TIMES_S)
         return cls((float(w[0]), float(w[1])), (float(s[0]), float(s[1])), float(t))
 
 
@@ -118,11 +133,11 @@ class Noise:
             rows = self.bench.rows[r]
             carts = len(run.keep)
             valid = self.bench.valid[rows].reshape(carts, -1)
-            y = columns[rows].reshape(carts, -1, columns.shape[1]) * valid[..., None]
+            y = columns[rows].reshape(*valid.shape, columns.shape[1]) * valid[..., None]
             if not run.positions:
                 y = np.cumsum(y, axis=1) * (run.block * run.sample_time)
             white, logarithm[r] = whitened(A, Q, self.bench.resting[r], start, _rounding(self.bench, run.name), y, valid)
-            out[rows] = white.reshape(-1, columns.shape[1])
+            out[rows] = white.reshape(valid.size, columns.shape[1])
         if self.weights is not None:
             out *= self.weights[:, None]
         return (out[:, 0] if x.ndim == 1 else out), logarithm
@@ -145,8 +160,7 @@ def _rounding(bench: Bench, name: str) -> FloatArray:
 
 def first_noise(bench: Bench, values: Values) -> Noise:
     """Return the noise before anything is known of it."""
-    level = _level(values)
-    return Noise(bench, dict(values), Forces.of(np.zeros(5), level), np.ones(len(bench.runs)))
+    return Noise(bench, dict(values), Forces.of(np.zeros(5), *_level(bench, values)), np.ones(len(bench.runs)))
 
 
 def estimate(bench: Bench, values: Values, residual: FloatArray, found: Sequence[Direction]) -> Noise:
@@ -161,14 +175,14 @@ def estimate(bench: Bench, values: Values, residual: FloatArray, found: Sequence
     found
         Run-to-run variability around it.
     """
-    level, rest = _level(values), residual
+    level, rest = _level(bench, values), residual
     scale = {d.group: 1.0 for d in found}
     theta, own = np.zeros(5), np.ones(len(bench.runs))
     noise = first_noise(bench, values)
     for turn in range(2 if found else 1):
         theta = _most_likely(bench, values, level, rest, own, theta)
-        own = _own(bench, Noise(bench, dict(values), Forces.of(theta, level), np.ones(len(own))), rest)
-        noise = Noise(bench, dict(values), Forces.of(theta, level), own, scale)
+        own = _own(bench, Noise(bench, dict(values), Forces.of(theta, *level), np.ones(len(own))), rest)
+        noise = Noise(bench, dict(values), Forces.of(theta, *level), own, scale)
         if not found:
             break
         D = np.column_stack([d.change * d.size for d in found])
@@ -204,18 +218,19 @@ def scattered(noise: Noise, rows: FloatArray, found: Sequence[Direction]) -> Noi
     return replace(plain, modes=_modes(bench, white, found, noise.scale))
 
 
-def _level(values: Values) -> float:
-    dry = [dry_level(values, c) for c in range(2 if "m2" in values else 1)]
-    return max(float(np.mean(dry)), 1e-2 * max(dry), 1e-9)
+def _level(bench: Bench, values: Values) -> tuple[float, float]:
+    """Return the mean dry friction of the carts, and the rms command [V]."""
+    command = float(np.sqrt(np.mean(np.concatenate([run.u for run in bench.runs]) ** 2)))
+    return max(float(np.mean([dry_level(values, c) for c in range(bench.carts)])), _LEAST_LEVEL * command), command
 
 
 def _most_likely(
-    bench: Bench, values: Values, level: float, rest: FloatArray, own: FloatArray, start: FloatArray
+    bench: Bench, values: Values, level: tuple[float, float], rest: FloatArray, own: FloatArray, start: FloatArray
 ) -> FloatArray:
     """Return the logarithms of the forces' parameters at the largest likelihood (J. A. Nelder, R. Mead 1965)."""
 
     def cost(theta: FloatArray) -> float:
-        w, logarithm = Noise(bench, dict(values), Forces.of(theta, level), own).innovations(rest)
+        w, logarithm = Noise(bench, dict(values), Forces.of(theta, *level), own).innovations(rest)
         return float(0.5 * (w @ w) + 0.5 * logarithm.sum() + 0.5 * np.sum((theta / _BETWEEN_RIGS) ** 2))
 
     simplex = start + np.vstack([np.zeros(5), np.eye(5)])

@@ -227,20 +227,26 @@ class Selector:
         self, base: Fit, phases: tuple[Direction, ...], taken: Sequence[tuple[Scored, Round]], number: int
     ) -> Round:
         bench, seed = self.bench, [self.seed, number]
-        found = (*directions(bench, base.values), *phases)
-        noise = estimate(bench, base.values, base.residual, found)
-        base = fit(bench, noise, base.values, base.names)
         named = {s.name for s, _ in taken}
         candidates = [c for c in self.candidates if c.name not in named]
-        level = max(dry_level(base.values, c) for c in range(bench.carts))
-        linear = linearise(bench, noise, base, candidates, shapes(bench, base.values, max(0.05, 0.1 * level)))
-        # noise levels of a model that lacks what is to be found would hide it
-        noise = estimate(bench, base.values, _generous(linear, base.residual), found)
-        noise, first = first_draws(bench, base.values, noise, found, seed)
-        base = fit(bench, noise, base.values, base.names)
-        linear = linear.around(base, noise)
-        table = evaluate(linear, linear.residual[:, None])
-        fits = self._fits(base, noise, linear, table, candidates, far=number == 0 and self._far(base))
+        model, fits = base, {}
+        for turn in range(2):
+            # what is noise is told by a model that lacks nothing: first one that has candidates linearly, then the best fit
+            found = (*directions(bench, model.values), *phases)
+            noise = estimate(bench, model.values, model.residual, found)
+            if turn == 0:
+                base = fit(bench, noise, base.values, base.names)
+                linear = self._linear(base, noise, candidates)
+                noise = estimate(bench, base.values, _generous(linear, base.residual), found)
+            noise, first = first_draws(bench, base.values, noise, found, seed)
+            base = fit(bench, noise, base.values, base.names)
+            linear = linear.around(base, noise)
+            table = evaluate(linear, linear.residual[:, None])
+            jobs = [(c, f.values) for c, f in fits.values()] or self._jobs(base, linear, table, candidates, number)
+            fits = self._fits(base, noise, jobs)
+            model = min((f for _, f in fits.values()), key=lambda f: f.cost, default=base)
+            if model.cost > (1.0 - self.settings.large) * base.cost:
+                break
         better = self._better_base(base, noise, fits)
         if better is not base:
             base, linear = better, linear.around(better, noise)
@@ -251,16 +257,26 @@ class Selector:
         order = ranked(self._pruned(base, noise, scored, significant), significant)
         return Round(base, tuple(order), null, null_rest, noise, bool(significant), found)
 
-    def _fits(
-        self, base: Fit, noise: Noise, linear: Linear, table: Table, candidates: Sequence[Candidate], *, far: bool
-    ) -> dict[Name, tuple[Candidate, Fit]]:
-        """Fit the proposed candidates, each from all its starts."""
+    def _linear(self, base: Fit, noise: Noise, candidates: Sequence[Candidate]) -> Linear:
+        level = max(dry_level(base.values, c) for c in range(self.bench.carts))
+        free = shapes(self.bench, base.values, max(0.05, 0.1 * level))
+        return linearise(self.bench, noise, base, candidates, free)
+
+    def _jobs(
+        self, base: Fit, linear: Linear, table: Table, candidates: Sequence[Candidate], number: int
+    ) -> list[tuple[Candidate, dict[str, float]]]:
         jobs = candidate_starts(base, linear, table, candidates)
-        if far:
+        if number == 0 and self._far(base):
             known = {k: v for k, v in base.values.items() if k not in self.topology.free}
             jobs += far_starts(self.bench, base, known, candidates)
+        return jobs
 
-        def tried(job: tuple[Candidate, dict[str, float]]) -> tuple[Candidate, Fit]:
+    def _fits(
+        self, base: Fit, noise: Noise, jobs: Sequence[tuple[Candidate, Values]]
+    ) -> dict[Name, tuple[Candidate, Fit]]:
+        """Fit candidates, each from all its starts."""
+
+        def tried(job: tuple[Candidate, Values]) -> tuple[Candidate, Fit]:
             candidate, start = job
             return candidate, fit(self.bench, noise, start, (*base.names, *candidate.keys), iterations=_TRY)
 
