@@ -38,7 +38,7 @@ def fit_tied(bench: Bench, base: Fit) -> Drive:
         # the sum is what both agree on
         start[free] = (start[free] + start[n]) / (1.0 + HANDOUT_RATIOS[ratio])
     names = [n for n in base.names if n not in follows]
-    best = fit(_Tied(bench), base.noise, tied(start), names)
+    best = fit(_Tied(bench), base.metric, tied(start), names)
     return Drive(checked(tied(best.values)), name="handout's ratios")
 
 

@@ -1,11 +1,11 @@
-r"""How uncertain a fitted drive is: the jackknife over recordings.
+r"""How uncertain a fitted drive is: the jackknife over experiments.
 
-Recordings are the independent things, for neighbouring residuals err alike. With the others' optimum :math:`\Delta_{-r}` of
-:mod:`identification.diagnosis.score`, the covariance of R recordings is
+Experiments are the independent things, for neighbouring residuals err alike, and so do replicates. With the others' optimum
+:math:`\Delta_{-u}` of :mod:`identification.diagnosis.score`, the covariance of U units is
 
-.. math:: \frac{R-1}{R} \sum_r (\Delta_{-r} - \bar\Delta)(\Delta_{-r} - \bar\Delta)^T ,
+.. math:: \frac{U-1}{U} \sum_u (\Delta_{-u} - \bar\Delta)(\Delta_{-u} - \bar\Delta)^T ,
 
-and intervals use Student's t with R - 1 degrees of freedom. Parameters that rest at a bound have no part in it.
+and intervals use Student's t with U - 1 degrees of freedom. Parameters that rest at a bound have no part in it.
 B. Efron, C. Stein, The jackknife estimate of variance, Ann. Statist. 9, 1981.
 """
 
@@ -31,13 +31,13 @@ def uncertainty(best: Fit) -> tuple[Limits, Covariance | None]:
     dict
         Parameter to interval; of no width at a bound.
     Covariance or None
-        Of the parameters that do not rest at a bound; ``None`` for a single recording.
+        Of the parameters that do not rest at a bound; ``None`` for a single unit.
     """
     from scipy.stats import t as student  # noqa: PLC0415
 
     spread = _jackknife(best)
-    R = len(best.normal.square)
-    half = float(student.ppf(0.975, max(R - 1, 1))) * np.sqrt(np.diag(spread))
+    U = len(best.normal.square)
+    half = float(student.ppf(0.975, max(U - 1, 1))) * np.sqrt(np.diag(spread))
     inner = [name for name, i in zip(best.names, best.interior, strict=True) if i]
     scale = best.scale[best.interior]
     logarithmic = dict(zip(best.names, Coordinates(best.names, best.values).log, strict=True))
@@ -49,16 +49,13 @@ def uncertainty(best: Fit) -> tuple[Limits, Covariance | None]:
         else:
             low, high = value - h * s, value + h * s
         limits[name] = (float(max(low, q.lower)), float(min(high, q.upper)))
-    if R < 2 or not inner:
+    if U < 2 or not inner:
         return limits, None
-    return limits, Covariance(tuple(inner), spread * np.outer(scale, scale), R - 1.0)
+    return limits, Covariance(tuple(inner), spread * np.outer(scale, scale), U - 1.0)
 
 
 def _jackknife(best: Fit) -> FloatArray:
     """Return the covariance of the scaled coordinates, shape (p, p)."""
-    n = best.normal
-    R = len(n.square)
-    H, g = n.information.sum(axis=0), n.gradient.sum(axis=0)
-    steps = np.array([n.step(H - n.information[r], g - n.gradient[r], best.noise.ridge) for r in range(R)])
-    apart = steps - steps.mean(axis=0)
-    return np.asarray((R - 1.0) / R * apart.T @ apart)
+    steps = best.normal.steps(best.bench.settings.damping)
+    apart, U = steps - steps.mean(axis=0), len(steps)
+    return np.asarray((U - 1.0) / U * apart.T @ apart)

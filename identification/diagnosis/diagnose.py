@@ -6,10 +6,12 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
+from copy import copy
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.stats import chi2
 from threadpoolctl import threadpool_limits
 
 from flexdrive_gym import Drive, Provenance, Recording, __version__
@@ -17,6 +19,7 @@ from flexdrive_gym.drive.parameters import checked
 from identification.diagnosis.baseline import fit_tied, ratios
 from identification.diagnosis.bench import Bench
 from identification.diagnosis.candidates.catalogue import Candidate
+from identification.diagnosis.candidates.phases import Phase
 from identification.diagnosis.covariance import uncertainty
 from identification.diagnosis.errors import loop_fits, recording_fits, total, velocity_rms
 from identification.diagnosis.fit import Fit
@@ -24,10 +27,10 @@ from identification.diagnosis.homogeneity import Homogeneity, homogeneity
 from identification.diagnosis.maps import draw_maps, harmonics, located
 from identification.diagnosis.missing_force import missing_force
 from identification.diagnosis.notes import notes_of
-from identification.diagnosis.select import Round, Selection, Selector
+from identification.diagnosis.select import Round, Scored, Selection, Selector
 from identification.diagnosis.settings import Settings
 from identification.diagnosis.split import Split, split_recordings
-from identification.diagnosis.unnamed import unnamed
+from identification.diagnosis.unnamed import share_of, unnamed
 from identification.diagnosis.verdict import (
     Diagnosis,
     Estimate,
@@ -110,7 +113,7 @@ def diagnose(
     ):
         bench = Bench(split.estimation, pool, settings or Settings())
         plain, known = without_known(bodies)
-        selection = Selector(bench, plain, known, alpha, np.random.default_rng(seed), say).run()
+        selection = Selector(bench, plain, known, alpha, seed, say).run()
         found = _Result(split, bench, selection, plain, pool)
         say("estimating what is uncertain")
         same = found.homogeneity(alpha, np.random.default_rng([seed, 1]))
@@ -152,8 +155,11 @@ class _Result:
         ones = {n: units.one(unit_of(n)) for n in model.names}
         scale = model.scale / np.array([ones[n] for n in model.names])
         values = {n: v / ones.get(n, 1.0) for n, v in model.values.items()}
-        sessions = [r.session for r in self.runs]
-        return tuple(homogeneity(replace(model, values=values, scale=scale), sessions, alpha, rng))
+        # replicates in different sessions are what tells them apart
+        single = copy(self.bench)
+        single.units = np.arange(len(self.runs))
+        own = replace(model, values=values, scale=scale, bench=single)
+        return tuple(homogeneity(own, [r.session for r in self.runs], alpha, rng))
 
     def diagnosis(self, same: tuple[Homogeneity, ...]) -> Diagnosis:
         """Return the diagnosis but for what only the caller knows."""
@@ -164,8 +170,8 @@ class _Result:
         )
         forces = list(self.pool.map(lambda r: missing_force(base.values, r), self.runs))
         maps = draw_maps(forces)
-        findings = tuple(self.finding(c, step, drive) for c, step in self.selection.accepted)
-        nameless = unnamed(self.selection)
+        findings = tuple(self.finding(s, step, drive) for s, step in self.selection.accepted)
+        nameless = unnamed(self.bench, self.selection)
         estimation = recording_fits(base, drive, self.runs, "estimation", self.runs, self.pool)
         everything = (*self.runs, *split.report)
         report = recording_fits(base, drive, split.report, "report", everything, self.pool)
@@ -190,7 +196,7 @@ class _Result:
                 drive=drive,
                 base=base,
                 seconds=0.0,
-                p_value=max(self.selection.rounds[0].p, self.selection.rounds[0].p_rest),
+                p_value=min(s.significance for s in self.selection.rounds[0].scored),
                 split=replace(split, estimation=tuple(self.runs)),
                 notes=notes_of(drive, split, loops, self.bench.runs, units),
                 maps=tuple(maps),
@@ -217,30 +223,46 @@ class _Result:
             recorded=recorded_range(self.runs),
         )
 
-    def finding(self, candidate: Candidate, step: Round, drive: Drive) -> Finding:
+    def finding(self, scored: Scored, step: Round, drive: Drive) -> Finding:
         """Return an accepted candidate with what speaks for it."""
-        best = step.best.fit
-        assert best is not None  # only names are accepted as findings
-        ties = [t for t in step.ties() if t.fit is not None]
+        values = step.base.values if scored.fit is None else scored.fit.values
+        ties = step.ties()
         judged = self.split.report or self.runs
+        compared = [scored, *(t for t in ties if t.fit is not None)]
         return Finding(
-            *candidate.name,
-            {
-                short(k): Estimate(drive[k], drive.intervals.get(k, (drive[k], drive[k])), unit_of(k))
-                for k in candidate.keys
-            },
-            tuple(Named(*t.name) for t in step.ties()),
-            experiment_for(candidate.id) if step.ties() else None,
-            1.0 - best.cost / step.base.cost,
-            max(step.p, step.p_rest),
+            *scored.name,
+            _estimates(scored, drive),
+            tuple(Named(*t.name) for t in ties),
+            experiment_for(scored.name[0]) if ties else None,
+            share_of(scored, step),
+            scored.significance,
             velocity_rms(judged, step.base.values, self.pool),
-            velocity_rms(judged, best.values, self.pool),
-            keys=candidate.keys,
+            velocity_rms(judged, values, self.pool),
+            keys=scored.candidate.keys if isinstance(scored.candidate, Candidate) else (),
             drives=tuple(
-                Drive(checked(f.values), name="@".join(name))
-                for name, f in [(candidate.name, best), *((t.name, t.fit) for t in ties if t.fit is not None)]
+                Drive(checked(s.fit.values), name="@".join(s.name))
+                for s in compared
+                if scored.fit is not None and s.fit is not None
             ),
         )
+
+
+def _estimates(scored: Scored, drive: Drive) -> dict[str, Estimate]:
+    """Return a finding's parameters; of an effect with a phase in every run its amplitude, whose square is chi-squared."""
+    candidate = scored.candidate
+    if isinstance(candidate, Phase):
+        amplitude = float(np.sqrt(2.0) * scored.variability[0].size)
+        n = 2 * len(scored.gain)
+        low, high = (amplitude * float(np.sqrt(n / chi2.ppf(q, n))) for q in (0.975, 0.025))
+        unit = "mm" if candidate.where.startswith("encoder") else "V"
+        return {
+            "amplitude": Estimate(amplitude, (low, high), unit),
+            "P": Estimate(candidate.period, (candidate.period, candidate.period), "mm"),
+        }
+    if not isinstance(candidate, Candidate):
+        return {}
+    limits = drive.intervals
+    return {short(k): Estimate(drive[k], limits.get(k, (drive[k], drive[k])), unit_of(k)) for k in candidate.keys}
 
 
 def _verdict(findings: Sequence[Finding], nameless: Unnamed | None, fits: Sequence[RecordingFit]) -> Verdict:

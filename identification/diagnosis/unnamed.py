@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.diagnosis.candidates.catalogue import Candidate
+from identification.diagnosis.bench import Bench
 from identification.diagnosis.candidates.free import Shape
 from identification.diagnosis.score import Normal
-from identification.diagnosis.select import Round, Selection
+from identification.diagnosis.select import Round, Scored, Selection
 from identification.diagnosis.verdict import Curve, Unnamed
 
 _WORDS = {
@@ -20,35 +20,34 @@ _WORDS = {
 _NEAREST = 3
 
 
-def unnamed(selection: Selection) -> Unnamed | None:
+def share_of(scored: Scored, step: Round) -> float:
+    """Return the share of the whitened square left before a round that a candidate explains."""
+    return float(min(1.0, 2.0 * scored.total / max(float(step.base.normal.square.sum()), 1e-300)))
+
+
+def unnamed(bench: Bench, selection: Selection) -> Unnamed | None:
     """Return what was accepted last if it has no name."""
     last = selection.rounds[-1]
     shape = last.best.candidate
-    if not last.accepted or isinstance(shape, Candidate):
+    if not last.accepted or not isinstance(shape, Shape):
         return None
-    white = float(np.sum(last.base.normal.square))
-    share = min(1.0, 2.0 * last.best.total / max(white, 1e-300))
-    near = [s for s in last.scored[1:] if isinstance(s.candidate, Candidate) and s.total > 0.0]
+    near = [s for s in last.scored[1:] if not isinstance(s.candidate, Shape) and s.total > 0.0]
     nearest = tuple((s.name[0], float(min(1.0, s.total / last.best.total))) for s in near[:_NEAREST])
     follows, _ = _WORDS.get(shape.variable, (shape.variable, ""))
-    return Unnamed(shape.where, share, f"as a function of {follows}", nearest, _curve(last, shape))
+    return Unnamed(
+        shape.where, share_of(last.best, last), f"as a function of {follows}", nearest, _curve(bench, last, shape)
+    )
 
 
-def _curve(last: Round, shape: Shape) -> Curve | None:
-    """Return the force at every knot, with the standard error of the jackknife over recordings."""
-    columns = next((e.columns for e in last.linear.entries if e.candidate is shape), ())
-    if len(columns) != len(shape.at):
-        # a knot that no recording reaches has no column
-        return None
-    n = last.linear.normal(columns)
-    size = slice(len(last.linear.base), None)
-    R = len(n.square)
-    own = np.array([_without(n, r, last.noise.ridge)[size] for r in range(R)])
-    band = np.sqrt((R - 1.0) / R * np.sum((own - own.mean(axis=0)) ** 2, axis=0))
+def _curve(bench: Bench, last: Round, shape: Shape) -> Curve:
+    """Return the force at every knot, with the standard error of the jackknife."""
+    base, noise = last.base, last.noise
+    pushed = bench.pushed(base.values, shape.forces, shape.size)
+    white = noise.white(np.column_stack([base.jacobian[:, base.interior], *pushed]))
+    n = Normal.of(bench.products(np.column_stack([white, noise.residual(base.residual)])))
+    knots, damping = slice(white.shape[1] - len(shape.at), None), bench.settings.damping
+    own = n.steps(damping)[:, knots]
+    U = len(own)
+    band = np.sqrt((U - 1.0) / U * np.sum((own - own.mean(axis=0)) ** 2, axis=0))
     follows, unit = _WORDS.get(shape.variable, (shape.variable, ""))
-    return Curve(follows, unit, shape.at, n.solve(last.noise.ridge)[size], band)
-
-
-def _without(n: Normal, r: int, ridge: float) -> np.ndarray:
-    H, g = n.information.sum(axis=0) - n.information[r], n.gradient.sum(axis=0) - n.gradient[r]
-    return n.step(H, g, ridge)
+    return Curve(follows, unit, shape.at, n.solve(damping)[knots], band)
