@@ -8,7 +8,7 @@ smoother gets wrong is in both and cancels.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
@@ -80,6 +80,17 @@ def remaining(diagnosis: Diagnosis, pool: Executor) -> Remaining:
     order = [(m.where, m.variable) for m in before]
     supply, after = ({(m.where, m.variable): m for m in draw_maps(forces)} for forces in (supplied, left))
     both = [i for i, name in enumerate(order) if name in supply and name in after]
-    forces = (tuple(f.of_rig(units) for f in each) for each in (measured, supplied, left))
-    maps = ([before[i] for i in both], [supply[order[i]] for i in both], [after[order[i]] for i in both])
-    return Remaining(*forces, *(tuple(m.of_rig(units) for m in each) for each in maps))
+    def told(forces: Sequence[MissingForce]) -> tuple[MissingForce, ...]:
+        return tuple(f.of_rig(units) for f in forces)
+
+    def drawn(maps: Sequence[Map]) -> tuple[Map, ...]:
+        return tuple(m.of_rig(units) for m in maps)
+
+    return Remaining(
+        told(measured),
+        told(supplied),
+        told(left),
+        drawn([before[i] for i in both]),
+        drawn([supply[order[i]] for i in both]),
+        drawn([after[order[i]] for i in both]),
+    )
