@@ -60,7 +60,8 @@ def where_reported(d: Diagnosis) -> str:
 def within_reach(d: Diagnosis) -> float:
     """Return the share of the squared error above the floor that the naming removed; nan where unknown."""
     above = d.before_rms**2 - d.floor_rms**2
-    return (d.before_rms**2 - d.after_rms**2) / above if above > 0.0 else float("nan")
+    # not every recording repeats itself, so the floor may be that of the louder ones
+    return min(1.0, (d.before_rms**2 - d.after_rms**2) / above) if above > 0.0 else float("nan")
 
 
 def verdict_sentences(d: Diagnosis) -> list[str]:

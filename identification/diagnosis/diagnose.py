@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 
 from flexdrive_gym import Drive, Provenance, Recording, __version__
 from flexdrive_gym.drive.parameters import checked
-from identification.diagnosis.baseline import fit_tied, ratios
+from identification.diagnosis.baseline import fit_both, ratios
 from identification.diagnosis.bench import Bench
 from identification.diagnosis.candidates.catalogue import Candidate
 from identification.diagnosis.candidates.phases import Phase
@@ -177,7 +177,9 @@ class _Result:
         report = recording_fits(base, drive, split.report, "report", everything, self.pool)
         loops = loop_fits(base, drive, split.loops, self.pool)
         before, after, floor = total(report) if report else total(estimation)
-        tied = fit_tied(self.bench, self.selection.first) if self.topology.two_carts else None
+        tied, free = None, base
+        if self.topology.two_carts:
+            tied, free = fit_both(self.bench, self.selection.first)
         return in_units(
             Diagnosis(
                 verdict=_verdict(findings, nameless, estimation),
@@ -186,7 +188,7 @@ class _Result:
                 findings=findings,
                 unnamed=nameless,
                 handout_tied_rms=float("nan") if tied is None else velocity_rms(self.runs, tied.values, self.pool),
-                free_rms=total(estimation)[0],
+                free_rms=velocity_rms(self.runs, free.values, self.pool),
                 ratios=ratios(base),
                 before_rms=before,
                 after_rms=after,

@@ -13,13 +13,12 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
 from flexdrive_gym import Drive, Provenance, Recording, __version__
-from flexdrive_gym.recording import FloatArray
 from identification.diagnosis.bench import Bench, free
 from identification.diagnosis.fit import fit
+from identification.diagnosis.levels import Levels
 from identification.diagnosis.settings import Settings
 from identification.diagnosis.verdict import Diagnosis
 from identification.initial_state import with_start
@@ -61,31 +60,6 @@ class _Measured(Bench):
         super().__init__(recordings, pool, Settings())
         self.runs = list(pool.map(begin, map(prepare_measured, self.recordings)))
         self._batches = [(slice(0, len(self.runs)), Together([free(run) for run in self.runs]))]
-
-
-@dataclass(frozen=True, eq=False)
-class _Levels:
-    """Rows weighted by the level of error of their recording and cart: output error."""
-
-    weights: FloatArray
-
-    @classmethod
-    def of(cls, bench: Bench, raw: FloatArray) -> _Levels:
-        """Return the levels that a residual shows, never below what encoder counts make."""
-        weights = np.zeros(len(raw))
-        for piece, floor in zip(bench.pieces, bench.floor, strict=True):
-            e = raw[piece.rows][bench.valid[piece.rows]]
-            variance = max(float(np.mean(e**2)), float(floor)) if len(e) else 1.0
-            weights[piece.rows] = bench.valid[piece.rows] / np.sqrt(variance)
-        return cls(weights)
-
-    def white(self, x: FloatArray) -> FloatArray:
-        """Return weighted rows, shape (N,) or (N, k)."""
-        return np.asarray(x * (self.weights if x.ndim == 1 else self.weights[:, None]))
-
-    def residual(self, raw: FloatArray) -> FloatArray:
-        """Return the weighted residual, shape (N,)."""
-        return self.white(raw)
 
 
 def climb(
@@ -155,7 +129,7 @@ def fit_measured(
     values = {**topology.fixed, **start}
     for _ in range(_ROUNDS):
         bench = _Measured(recordings, partial(with_start, values, window=window, moving=topology.moving), pool)
-        best = fit(bench, _Levels.of(bench, bench.residual(values)), values, names)
+        best = fit(bench, Levels.of(bench, bench.residual(values)), values, names)
         values = best.values
     e = best.residual[bench.valid]
     return values, float(e @ e)

@@ -306,8 +306,8 @@ class Diagnosis:
     drive, base
         The drive with all findings, and the base model: both fitted to the estimation recordings alone.
     handout_tied_rms, free_rms
-        Of the base model over the estimation recordings [unit], with the handout's ratios and with free ones; nan where the
-        ratios do not apply.
+        Of the base model over the estimation recordings [unit], fitted by output error with the handout's ratios and with free
+        ones; nan where the ratios do not apply.
     ratios, tied
         Of the base model, with intervals; and the drive with the handout's ratios, ``None`` where they do not apply.
     before_rms, after_rms, floor_rms

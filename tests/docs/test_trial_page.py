@@ -11,11 +11,9 @@ from baselines.blind_study.payoff import P_HALF, Payoff, payoff
 from baselines.blind_study.plan import Trial, plan
 from baselines.blind_study.study import outcomes, settings
 from baselines.blind_study.summary import headline, summarise
-from baselines.rig_simulator.make import make_case
 from baselines.rig_simulator.truth import draw_truth
 from flexdrive_gym.drive.effects import LAYOUT
 from flexdrive_gym.drive.toml import loads
-from identification import diagnose
 from tests.docs.pages import ROOT, read
 
 STUDIES = sorted((ROOT / "docs/trial").glob("seed_*"))

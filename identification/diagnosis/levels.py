@@ -1,0 +1,41 @@
+"""Output error: rows weighted by the level of error of their recording and cart, which judge long horizons."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexdrive_gym.recording import FloatArray
+from identification.diagnosis.bench import Bench
+
+
+@dataclass(frozen=True, eq=False)
+class Levels:
+    """A metric for :func:`~identification.diagnosis.fit.fit`.
+
+    Attributes
+    ----------
+    weights : ndarray, shape (N,)
+        Inverse levels; 0 where no sample is valid.
+    """
+
+    weights: FloatArray
+
+    @classmethod
+    def of(cls, bench: Bench, raw: FloatArray) -> Levels:
+        """Return the levels that a residual shows, never below what encoder counts make."""
+        weights = np.zeros(len(raw))
+        for piece, floor in zip(bench.pieces, bench.floor, strict=True):
+            e = raw[piece.rows][bench.valid[piece.rows]]
+            variance = max(float(np.mean(e**2)), float(floor)) if len(e) else 1.0
+            weights[piece.rows] = bench.valid[piece.rows] / np.sqrt(variance)
+        return cls(weights)
+
+    def white(self, x: FloatArray) -> FloatArray:
+        """Return weighted rows, shape (N,) or (N, k)."""
+        return np.asarray(x * (self.weights if x.ndim == 1 else self.weights[:, None]))
+
+    def residual(self, raw: FloatArray) -> FloatArray:
+        """Return the weighted residual, shape (N,)."""
+        return self.white(raw)
