@@ -57,7 +57,7 @@ class Linear:
     products : ndarray, shape (U, M, M)
         Of whitened columns, per unit.
     residual : ndarray, shape (N,)
-        Whitened, without what the noise adds on average.
+        Whitened.
     """
 
     bench: Bench
@@ -74,7 +74,7 @@ class Linear:
     ) -> Linear:
         """Whiten columns and residual."""
         white = noise.white(columns)
-        return cls(bench, tuple(entries), tuple(range(base)), columns, white, bench.products(white), noise.residual(residual))
+        return cls(bench, tuple(entries), tuple(range(base)), columns, white, bench.products(white), noise.white(residual))
 
     def gradient(self, residual: FloatArray) -> FloatArray:
         """Return the products of all columns with whitened residuals per unit, shape (U, M, k), from shape (N, k)."""

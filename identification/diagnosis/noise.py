@@ -100,8 +100,6 @@ class Noise:
         Directions that are damped, per recording; empty without variability.
     weights : ndarray, shape (N,), or None
         Of rows whitened by the filter: below 1 where noise acts on friction and scatters them more widely than the filter expects.
-    offset : ndarray, shape (N,), or None
-        What noise adds to whitened rows on average.
     """
 
     bench: Bench
@@ -111,7 +109,6 @@ class Noise:
     scale: Mapping[str, float] = field(default_factory=dict)
     modes: Sequence[FloatArray] = ()
     weights: FloatArray | None = None
-    offset: FloatArray | None = None
 
     @cached_property
     def _filters(self) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
@@ -141,10 +138,6 @@ class Noise:
         if self.weights is not None:
             out *= self.weights[:, None]
         return (out[:, 0] if x.ndim == 1 else out), logarithm
-
-    def residual(self, raw: FloatArray) -> FloatArray:
-        """Return a whitened residual, shape (N,), without what noise adds to it on average."""
-        return self.white(raw) if self.offset is None else self.white(raw) - self.offset
 
     def white(self, x: FloatArray) -> FloatArray:
         """Return whitened rows of raw ones, shape (N,) or (N, k)."""
@@ -192,7 +185,7 @@ def estimate(bench: Bench, values: Values, residual: FloatArray, found: Sequence
         if turn == 0:
             rest = residual - np.concatenate([D[rows] @ a for rows, a in zip(bench.rows, amplitude, strict=True)])
         else:
-            noise = Noise(bench, dict(values), noise.forces, own, scale, _modes(bench, white[:, :-1], found, scale))
+            noise = replace(noise, scale=scale, modes=_modes(bench, white[:, :-1], found, scale))
     return noise
 
 
@@ -231,6 +224,7 @@ def _most_likely(
 
     def cost(theta: FloatArray) -> float:
         w, logarithm = Noise(bench, dict(values), Forces.of(theta, *level), own).innovations(rest)
+        w = w[bench.moves]
         return float(0.5 * (w @ w) + 0.5 * logarithm.sum() + 0.5 * np.sum((theta / _BETWEEN_RIGS) ** 2))
 
     simplex = start + np.vstack([np.zeros(5), np.eye(5)])
@@ -241,7 +235,8 @@ def _most_likely(
 def _own(bench: Bench, noise: Noise, rest: FloatArray) -> FloatArray:
     """Return the scale of every recording's forces: half its own variance, half the data set's."""
     w, _ = noise.innovations(rest)
-    count = np.array([max(int(bench.valid[rows].sum()), 1) for rows in bench.rows])
+    w = np.where(bench.moves, w, 0.0)
+    count = np.array([max(int(bench.moves[rows].sum()), 1) for rows in bench.rows])
     square = np.array([float(w[rows] @ w[rows]) for rows in bench.rows]) / count
     share = bench.settings.own_share
     return np.sqrt(np.clip(share * square + (1.0 - share), 0.1, 10.0))

@@ -6,16 +6,19 @@ import numpy as np
 
 from identification.diagnosis.bench import Bench
 from identification.diagnosis.candidates.free import Shape
+from identification.diagnosis.candidates.narrow_band import Line
 from identification.diagnosis.score import Normal
 from identification.diagnosis.select import Round, Scored, Selection
 from identification.diagnosis.verdict import Curve, Unnamed
 
 _WORDS = {
-    "velocity 1": ("the velocity of cart 1", "mm/s"),
-    "velocity 2": ("the velocity of cart 2", "mm/s"),
     "deflection": ("the deflection of the spring", "mm"),
     "command": ("the command", "V"),
     "time": ("time", "s"),
+    **{f"velocity {c}": (f"the velocity of cart {c}", "mm/s") for c in (1, 2)},
+    **{f"place {c}": (f"the place of cart {c} along the track", "mm") for c in (1, 2)},
+    **{f"time since cart {c} reversed": (f"the time since cart {c} reversed, against its motion", "s") for c in (1, 2)},
+    **{f"size of the command, as friction {c}": ("the size of the command, against the motion", "V") for c in (1, 2)},
 }
 _NEAREST = 3
 
@@ -29,14 +32,15 @@ def unnamed(bench: Bench, selection: Selection) -> Unnamed | None:
     """Return what was accepted last if it has no name."""
     last = selection.rounds[-1]
     shape = last.best.candidate
-    if not last.accepted or not isinstance(shape, Shape):
+    if not last.accepted or not isinstance(shape, Shape | Line):
         return None
-    near = [s for s in last.scored[1:] if not isinstance(s.candidate, Shape) and s.total > 0.0]
+    near = [s for s in last.scored[1:] if not isinstance(s.candidate, Shape | Line) and s.total > 0.0]
     nearest = tuple((s.name[0], float(min(1.0, s.total / last.best.total))) for s in near[:_NEAREST])
+    share = share_of(last.best, last)
+    if isinstance(shape, Line):
+        return Unnamed(shape.where, share, f"of {shape.frequency:.3g} Hz that the command does not make", nearest)
     follows, _ = _WORDS.get(shape.variable, (shape.variable, ""))
-    return Unnamed(
-        shape.where, share_of(last.best, last), f"as a function of {follows}", nearest, _curve(bench, last, shape)
-    )
+    return Unnamed(shape.where, share, f"as a function of {follows}", nearest, _curve(bench, last, shape))
 
 
 def _curve(bench: Bench, last: Round, shape: Shape) -> Curve:
