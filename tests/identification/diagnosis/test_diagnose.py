@@ -8,6 +8,7 @@ import pytest
 
 from flexdrive_gym import Excitation
 from identification.diagnosis.diagnose import diagnose
+from identification.recordings import RecordingSet, Rig
 from tests.identification.diagnosis.lab import QUICK, data_set
 
 EFFECTS = {
@@ -95,8 +96,8 @@ def test_a_level_outside_0_to_1_is_an_error():
         diagnose(data_set()[:1], alpha=2.0)
 
 
-def test_an_unknown_known_effect_is_an_error_with_a_near_match():
-    with pytest.raises(
-        ValueError, match="known: no effect of the catalogue is called 'ground_sprng'. Did you mean ground_spring"
-    ):
-        diagnose(data_set()[:1], known=["ground_sprng"])
+def test_what_the_rig_description_knows_belongs_to_the_base_model():
+    runs = RecordingSet(_runs("ground_spring"), rig=Rig(known=("ground_spring",)))
+    found = diagnose(runs, settings=QUICK, jobs=1)
+    assert "ground_spring" not in {f.id for f in found.findings}
+    assert found.base["ground_spring.kg"] == pytest.approx(0.05, rel=0.05)
