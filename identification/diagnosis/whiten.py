@@ -28,8 +28,6 @@ from flexdrive_gym.drive.compilation import kernel
 from flexdrive_gym.recording import BoolArray, FloatArray
 
 STATES = 6
-# share of the unknown forces that a cart at rest gives way to
-_AT_REST = 0.1
 # time in which a deviation of a cart at rest ends [s]
 _STOPS_S = 0.005
 # of a gain, under which the filter counts as settled
@@ -73,7 +71,6 @@ def _transition(
         if rests[c]:
             # friction holds it, whatever pulls
             F[1 + 2 * c] = 0.0
-            L[1 + 2 * c, 1 + 2 * c] *= _AT_REST**2
             F[1 + 2 * c, 1 + 2 * c] = -1.0 / _STOPS_S
     F[4, 4] = F[5, 5] = -1.0 / tau
     # C. F. Van Loan, Computing integrals involving the matrix exponential, 1978
