@@ -46,16 +46,16 @@ for _module in (
 
 def _version(value: bool) -> None:
     if value:
-        from flexdrive_gym.version import __version__  # noqa: PLC0415
+        from flexdrive_gym.version import __version__, commit  # noqa: PLC0415
 
-        print(__version__)
+        print(f"flexdrive {__version__} (commit {commit() or 'unknown'})")
         raise typer.Exit
 
 
 @app.callback()
 def _root(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print version and commit.")
     ] = False,
 ) -> None:
     pass
