@@ -19,6 +19,7 @@ from baselines.commands import (
     experiment,
     identify,
     lab,
+    migrate,
     report,
     stability,
     train,
@@ -39,7 +40,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for _module in (
-    demo, check, identify, validate, stability, experiment, diagnose, design, train, compare, report, lab, blind, benchmark
+    demo, check, identify, validate, stability, experiment, diagnose, design, train, compare, report, lab, migrate, blind, benchmark
 ):  # fmt: skip
     app.command(cls=Command)(getattr(_module, _module.__name__.rsplit(".", 1)[-1]))
 
@@ -60,6 +61,18 @@ def _root(
 ) -> None:
     pass
 
+# what brings a module that is not installed
+_EXTRAS = {
+    "torch": "rl",
+    "stable_baselines3": "rl",
+    "matplotlib": "report",
+    "jinja2": "report",
+    "nicegui": "lab",
+    "distributed": "dask",
+    "pygame": "render",
+    "moviepy": "render",
+}
+
 
 def main() -> None:
     """Run the command line: exit 0 on success, 1 on failure with a sentence, 2 on wrong usage."""
@@ -68,6 +81,12 @@ def main() -> None:
     except (ValueError, TypeError, KeyError, OSError) as error:
         text = error.args[0] if isinstance(error, KeyError) and error.args else error
         print(f"flexdrive: {text}", file=sys.stderr)
+        raise SystemExit(1) from error
+    except ModuleNotFoundError as error:
+        extra = _EXTRAS.get((error.name or "").partition(".")[0])
+        if extra is None:
+            raise
+        print(f"flexdrive: needs {error.name}. Install it with: pip install 'flexdrive[{extra}]'", file=sys.stderr)
         raise SystemExit(1) from error
     except ArithmeticError as error:
         print(
