@@ -24,6 +24,6 @@ class CommitHook(BuildHookInterface):
         written.write_text(commit + "\n", encoding="utf-8")
         build_data["force_include"][str(written)] = NAME
 
-    def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
+    def finalize(self, *_built: object) -> None:
         if hasattr(self, "folder"):
             self.folder.cleanup()

@@ -22,7 +22,9 @@ def python(minor: int) -> str | None:
     kept = sorted(Path.home().glob(f".pyenv/versions/3.{minor}.*/bin/python"))
     for candidate in (shutil.which(f"python3.{minor}"), *map(str, kept), sys.executable):
         asked = [candidate, "-c", "import sys, venv, ensurepip; print(sys.version_info.minor)"]
-        if candidate and subprocess.run(asked, capture_output=True, text=True, check=False).stdout.strip() == str(minor):
+        if candidate and subprocess.run(asked, capture_output=True, text=True, check=False).stdout.strip() == str(
+            minor
+        ):
             return candidate
     return None
 

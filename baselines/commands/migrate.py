@@ -13,7 +13,9 @@ from baselines.commands._output import Json, print_json, say
 def migrate(
     file: Annotated[
         Path,
-        typer.Argument(exists=True, dir_okay=False, metavar="FILE", help="A drive.toml or diagnosis.json of any release."),
+        typer.Argument(
+            exists=True, dir_okay=False, metavar="FILE", help="A drive.toml or diagnosis.json of any release."
+        ),
     ],
     output: Annotated[
         Path | None,
