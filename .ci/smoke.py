@@ -20,7 +20,7 @@ def flexdrive(*arguments: str) -> str:
 
 
 def commands() -> int:
-    from baselines.sample import FOLDER
+    from baselines.lab.sample import FOLDER
 
     checked = json.loads(flexdrive("check", str(FOLDER), "--json"))
     assert checked["ready"], checked["advice"]

@@ -11,7 +11,7 @@ import numpy as np
 
 from baselines.lab_page.chart import Chart
 from baselines.lab_page.signature import plainly_present, signature
-from baselines.stability_limit import with_rig
+from baselines.loop_analysis.stability_limit import with_rig
 from flexdrive_gym import DEFAULT_DRIVE, Drive
 from flexdrive_gym.drive.effects import EFFECTS, LAYOUT, Effect
 from flexdrive_gym.references import sine

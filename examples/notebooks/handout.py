@@ -7,8 +7,8 @@ app = marimo.App(width="medium", app_title="Lab 3 in Python")
 with app.setup:
     import marimo as mo
 
-    from baselines.sample import FOLDER
-    from baselines.stability_limit import observed_limit, stability_limit
+    from baselines.lab.sample import FOLDER
+    from baselines.loop_analysis.stability_limit import observed_limit, stability_limit
     from identification import identify, read_recordings, validate
     from identification.frequency_response import measure_frequency_response
     from identification.plots.bode import plot_bode

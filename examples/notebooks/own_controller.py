@@ -8,8 +8,8 @@ with app.setup:
     import marimo as mo
 
     from baselines.compare import compare, entries
-    from baselines.margins import margins
-    from baselines.sample import FOLDER
+    from baselines.lab.sample import FOLDER
+    from baselines.loop_analysis.margins import margins
     from flexdrive_gym import LinearController
     from identification import identify
 
