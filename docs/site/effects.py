@@ -55,9 +55,13 @@ def _follows(chart: Chart) -> float:
 
 def caption(effect: Effect) -> str:
     """Return the sentence below an effect's picture."""
-    changed = ", ".join(f"{n} = {v:.3g} {LAYOUT[n].parameter.unit}".removesuffix(" 1") for n, v in _pair(effect)[2].items())
+    changed = ", ".join(
+        f"{n} = {v:.3g} {LAYOUT[n].parameter.unit}".removesuffix(" 1") for n, v in _pair(effect)[2].items()
+    )
     left = f"With {changed} (solid) and without (dashed)."
-    return left if effect.base else f"{left} Right: the force that a drive without the effect misses, from the encoders."
+    if effect.base:
+        return f"{left} Right: the difference."
+    return f"{left} Right: the force that a drive without the effect misses, from the encoders."
 
 
 @styled
@@ -67,25 +71,30 @@ def picture(effect: Effect) -> Any:
     t = np.arange(8001) * 1e-3
     u = sine(t, 2.0, 0.7) * (0.75 + 0.35 * np.sin(2.0 * np.pi * 0.13 * t)) + sine(t, 1.0, 2.3)
     runs = [drive.simulate(t, u) for drive in (present, without)]
-    pairs = zip(*((r.v1, r.v1 if r.v2 is None else r.v2) for r in runs), strict=True)  # without a spring both carts are one
+    pairs = zip(
+        *((r.v1, r.v1 if r.v2 is None else r.v2) for r in runs), strict=True
+    )  # without a spring both carts are one
     off = [np.abs(a - b) for a, b in pairs]
     cart = int(np.argmax([np.sqrt(np.mean(np.square(o))) for o in off]))
     width = round(_WINDOW_S / 1e-3)
     gathered = np.convolve(np.square(off[cart]), np.ones(width), "valid")
     shown = slice(int(np.argmax(gathered)), int(np.argmax(gathered)) + width)
     figure = new_figure(2.7)
-    left, right = (figure.subplots(1, 1), None) if effect.base else figure.subplots(1, 2)
+    left, right = figure.subplots(1, 2)
     with_it, without_it = ((r.v1, r.v1 if r.v2 is None else r.v2)[cart] for r in runs)
     left.plot(t[shown], without_it[shown], color=REFERENCE, linestyle="--", linewidth=1.2, label="without")
     left.plot(t[shown], with_it[shown], color=CART[cart + 1], linewidth=1.2, label="with")
     left.set(xlabel="t [s]", ylabel=f"$v_{cart + 1}$ [mm/s]")
     legend_above(left)
-    if right is not None:
-        chart = max(signature(without, changes), key=_follows)
-        for dots, colour in zip(chart.series, (CART[1], CART[2]), strict=True):
-            right.plot(dots.x, dots.y, ".", markersize=2.0, color=colour, label=dots.name)
-        right.set(xlabel=chart.x.label, ylabel=chart.y.label, ylim=(chart.y.low, chart.y.high))
-        legend_above(right)
+    if effect.base:
+        right.plot(t[shown], (with_it - without_it)[shown], color=CART[cart + 1], linewidth=1.0)
+        right.set(xlabel="t [s]", ylabel=f"difference of $v_{cart + 1}$ [mm/s]")
+        return figure
+    chart = max(signature(without, changes), key=_follows)
+    for dots, colour in zip(chart.series, (CART[1], CART[2]), strict=True):
+        right.plot(dots.x, dots.y, ".", markersize=2.0, color=colour, label=dots.name)
+    right.set(xlabel=chart.x.label, ylabel=chart.y.label, ylim=(chart.y.low, chart.y.high))
+    legend_above(right)
     return figure
 
 

@@ -19,7 +19,7 @@ IDS = {
     "FlexDrive-FullState-v0": "The controller sees both encoders.",
 }
 # newest first; a change of spaces, reward, ends or dynamics of the default task is a new version
-HISTORY = {id_: ("v0: first version.",) for id_ in IDS}
+HISTORY = dict.fromkeys(IDS, ("v0: first version.",))
 _WORDS = {
     "x1": "position of cart 1, as the encoder counts",
     "x2": "position of cart 2, as the encoder counts",
@@ -59,7 +59,7 @@ def page(id_: str) -> str:
     arguments = [
         f"| `{f.name}` | {_default(f.name)} | {said[f.name]} |" for f in fields(Task) if f.init and f.name != "sensing"
     ]
-    w = DEFAULT_REWARD
+    w, least, most = DEFAULT_REWARD, env.action_space.low[0], env.action_space.high[0]  # type: ignore[attr-defined]
     return f"""# {id_}
 
 {IDS[id_]}
@@ -81,7 +81,7 @@ that `flexdrive identify` wrote.
 
 | Num | Action | Min | Max |
 |---|---|---|---|
-| 0 | command over the voltage limit ({task.voltage:g} V), held for a control period | {env.action_space.low[0]:g} | {env.action_space.high[0]:g} |
+| 0 | command over the voltage limit ({task.voltage:g} V), held for a control period | {least:g} | {most:g} |
 
 An action that is not a finite number raises `ValueError`; the drive has not moved then.
 

@@ -43,7 +43,9 @@ def _effects(config: Any, files: Any) -> list[Any]:
         told = [
             f"- Tells itself by: {effect.tells_itself_by}." if effect.tells_itself_by else "",
             f"- Looks like: {like}." if like else "",
-            f"- Experiment that tells them apart: {effect.separating_experiment}." if effect.separating_experiment else "",
+            f"- Experiment that tells them apart: {effect.separating_experiment}."
+            if effect.separating_experiment
+            else "",
         ]
         parts = [
             f"# `{effect.id}`",
@@ -78,7 +80,9 @@ def _reference(config: Any, files: Any) -> list[Any]:
     for name, what in REFERENCE.items():
         module = importlib.import_module(name)
         public = [n for n in module.__all__ if n[0] != "_" and getattr(getattr(module, n), "__doc__", None)]
-        blocks = "\n\n".join(f"::: {name}.{n}" for n in public if not isinstance(getattr(module, n), str | dict | tuple))
+        blocks = "\n\n".join(
+            f"::: {name}.{n}" for n in public if not isinstance(getattr(module, n), str | dict | tuple)
+        )
         uri = f"reference/{name}.md"
         files.append(File.generated(config, uri, content=f"# {name}\n\n`{name}`: {what}.\n\n{blocks}\n"))
         entries.append({name: uri})
@@ -99,7 +103,11 @@ def _commands() -> str:
             f"{_plain(getattr(p, 'help', '') or '')} |"
             for p in command.params
         ]
-        parts += [f"## flexdrive {name}", _plain(command.help or ""), "| argument | meaning |\n|---|---|\n" + "\n".join(rows)]
+        parts += [
+            f"## flexdrive {name}",
+            _plain(command.help or ""),
+            "| argument | meaning |\n|---|---|\n" + "\n".join(rows),
+        ]
     return "\n\n".join(parts) + "\n"
 
 
@@ -154,4 +162,3 @@ def on_files(files: Any, *, config: Any) -> Any:
 
     config.nav = filled(config.nav)
     return files
-

@@ -126,7 +126,9 @@ def _():
 def _(handout, likelihood, recordings):
     for _title, _found in (("handout", handout), ("maximum likelihood", likelihood)):
         _limit = stability_limit(_found.drive, "x2")
-        print(f"{_title}: {_limit.critical_gain_linear:.3f} V/mm linear, {_limit.critical_gain_simulated:.3f} simulated")
+        print(
+            f"{_title}: {_limit.critical_gain_linear:.3f} V/mm linear, {_limit.critical_gain_simulated:.3f} simulated"
+        )
     observed = observed_limit(recordings)
     print(f"recordings: {observed.holds:.4f} V/mm holds, {observed.grows:.4f} grows")
     return
