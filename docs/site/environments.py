@@ -14,8 +14,8 @@ from flexdrive_gym.task import DEFAULT_REWARD, ERROR_SCALE_MM, Task
 IDS = {
     "FlexDrive-NonCollocated-v0": "The controller sees the encoder of cart 2, beyond the spring. Feedback is not collocated: the "
     "spring lies between force and sensor, so the gain that keeps a loop stable is bounded.",
-    "FlexDrive-Collocated-v0": "The controller sees the encoder of cart 1, where the force acts. The task is still the position of "
-    "cart 2.",
+    "FlexDrive-Collocated-v0": "The controller sees the encoder of cart 1, where the force acts. The task is still the "
+    "position of cart 2.",
     "FlexDrive-FullState-v0": "The controller sees both encoders.",
 }
 # newest first; a change of spaces, reward, ends or dynamics of the default task is a new version
@@ -96,8 +96,8 @@ every term of the reward in physical units.
 
 ## Rewards
 
-*r = −{w["tracking"]:g} (e / {ERROR_SCALE_MM:g} mm)² − {w["effort"]:g} (u / limit)² − {w["rate"]:g} (Δu / limit)²*, and −{w["failure"]:g} once on
-failure; *e = xr − x2* is the true error. `reward={{"effort": 0.1}}` changes a weight.
+*r = −{w["tracking"]:g} (e / {ERROR_SCALE_MM:g} mm)² − {w["effort"]:g} (u / limit)² − {w["rate"]:g} (Δu / limit)²*,
+and −{w["failure"]:g} once on failure; *e = xr − x2* is the true error. `reward={{"effort": 0.1}}` changes a weight.
 
 ## Starting state
 
@@ -113,8 +113,8 @@ A step before the first reset or after the end raises `gymnasium.error.ResetNeed
 
 ## Arguments
 
-`gymnasium.make("{id_}", render_mode=..., drive=..., ...)`; `render_mode` is `human`, `rgb_array`, `ansi` or `None`. References by name:
-{", ".join(f"`{name}`" for name in REFERENCES)}.
+`gymnasium.make("{id_}", render_mode=..., drive=..., ...)`; `render_mode` is `human`, `rgb_array`, `ansi` or `None`.
+References by name: {", ".join(f"`{name}`" for name in REFERENCES)}.
 
 | Argument | Default | Meaning |
 |---|---|---|
