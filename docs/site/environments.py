@@ -1,16 +1,19 @@
-"""The page of every environment id in Gymnasium's form, from the environment itself."""
+"""``python -m docs.site.environments`` writes docs/environments: a page of every id in Gymnasium's form."""
 
 import inspect
 import re
 from dataclasses import MISSING, fields
+from pathlib import Path
 
 import gymnasium
 
 import flexdrive_gym  # noqa: F401  (registers the environments)
 from docs.site.rst import markdown
+from flexdrive_gym.files import write_atomically
 from flexdrive_gym.references import REFERENCES
 from flexdrive_gym.task import DEFAULT_REWARD, ERROR_SCALE_MM, Task
 
+FOLDER = Path(__file__).parents[1] / "environments"
 IDS = {
     "FlexDrive-NonCollocated-v0": "The controller sees the encoder of cart 2, beyond the spring. Feedback is not collocated: the "
     "spring lies between force and sensor, so the gain that keeps a loop stable is bounded.",
@@ -36,7 +39,7 @@ def _arguments() -> dict[str, str]:
     found = {}
     for names, said in re.findall(r"^([\w, ]+)\n((?: +.*\n?)+)", text, re.MULTILINE):
         for name in names.split(", "):
-            found[name] = " ".join(markdown(said).split())
+            found[name] = " ".join(markdown(said).split()).replace("``", "`").replace("|", r"\|")
     return found
 
 
@@ -60,16 +63,17 @@ def page(id_: str) -> str:
         f"| `{f.name}` | {_default(f.name)} | {said[f.name]} |" for f in fields(Task) if f.init and f.name != "sensing"
     ]
     w, least, most = DEFAULT_REWARD, env.action_space.low[0], env.action_space.high[0]  # type: ignore[attr-defined]
+    tracking = "" if w["tracking"] == 1.0 else f"{w['tracking']:g} "
     return f"""# {id_}
 
 {IDS[id_]}
 
-|  |  |
+| | |
 |---|---|
 | Action space | `{env.action_space}` |
 | Observation space | `Box({low.min():g}, {high.max():g}, {low.shape}, {low.dtype})` |
 | Time limit | {task.horizon} steps of {1e3 * task.control_period:g} ms |
-| Import | `gymnasium.make("{id_}")` |
+| Made by | `gymnasium.make("{id_}")` |
 
 ## Description
 
@@ -96,7 +100,7 @@ every term of the reward in physical units.
 
 ## Rewards
 
-*r = −{w["tracking"]:g} (e / {ERROR_SCALE_MM:g} mm)² − {w["effort"]:g} (u / limit)² − {w["rate"]:g} (Δu / limit)²*,
+*r = −{tracking}(e / {ERROR_SCALE_MM:g} mm)² − {w["effort"]:g} (u / limit)² − {w["rate"]:g} (Δu / limit)²*,
 and −{w["failure"]:g} once on failure; *e = xr − x2* is the true error. `reward={{"effort": 0.1}}` changes a weight.
 
 ## Starting state
@@ -128,4 +132,11 @@ References by name: {", ".join(f"`{name}`" for name in REFERENCES)}.
 {chr(10).join(f"- {line}" for line in HISTORY[id_])}
 
 The rule for new versions is on the page about [compatibility](../compatibility.md).
+
+Written by `python -m docs.site.environments`.
 """
+
+
+if __name__ == "__main__":
+    for name in IDS:
+        write_atomically(FOLDER / f"{name}.md", page(name))

@@ -65,16 +65,6 @@ def _effects(config: Any, files: Any) -> list[Any]:
     return entries
 
 
-def _environments(config: Any, files: Any) -> list[Any]:
-    from docs.site.environments import IDS, page
-
-    entries: list[Any] = [{"Overview": "environment.md"}]
-    for id_ in IDS:
-        files.append(File.generated(config, f"environments/{id_}.md", content=page(id_)))
-        entries.append({id_: f"environments/{id_}.md"})
-    return entries
-
-
 def _reference(config: Any, files: Any) -> list[Any]:
     entries: list[Any] = [{"Command line": "reference/commands.md"}]
     for name, what in REFERENCE.items():
@@ -141,7 +131,7 @@ def on_files(files: Any, *, config: Any) -> Any:
     """Add the pages that are made from the code, and put them where the navigation names them."""
     made = {
         "EFFECTS": _effects(config, files),
-        "ENVIRONMENTS": _environments(config, files),
+        "ENVIRONMENTS": [f"environments/{file.name}" for file in sorted((ROOT / "docs" / "environments").glob("*.md"))],
         "REFERENCE": _reference(config, files),
         "NOTEBOOKS": _notebooks(config, files),
         "DECISIONS": _decisions(),

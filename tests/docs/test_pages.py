@@ -28,3 +28,11 @@ def test_the_page_on_compatibility_names_the_schemas_that_are_read():
     for file, schema in (("drive.toml", DRIVE), ("diagnosis.json", DIAGNOSIS)):
         known = ", ".join(map(str, range(1, schema.number + 1)))
         assert f"| `{file}` | {schema.number} | {known} |" in read("docs/compatibility.md")
+
+
+def test_the_pages_of_environments_are_up_to_date():
+    pytest.importorskip("latex2mathml", reason="needs the extra docs")
+    from docs.site.environments import FOLDER, IDS, page
+
+    for id_ in IDS:
+        assert (FOLDER / f"{id_}.md").read_text(encoding="utf-8") == page(id_), "run: python -m docs.site.environments"
