@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mkdocs.structure.files import File
+from mkdocs.utils import get_relative_url
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))  # the hooks are files of this folder, run from wherever mkdocs is
@@ -152,3 +153,17 @@ def on_files(files: Any, *, config: Any) -> Any:
 
     config.nav = filled(config.nav)
     return files
+
+
+# Material would load this script, by which the search works in pages opened as files, from elsewhere
+_SHIM, _OWN_SHIM = "https://unpkg.com/iframe-worker/shim", "assets/iframe-worker.js"
+
+
+def on_post_page(output: str, *, page: Any, **_more: Any) -> str:
+    """Load the search's script from the site itself."""
+    return output.replace(_SHIM, get_relative_url(_OWN_SHIM, page.url))
+
+
+def on_post_template(output_content: str, **_more: Any) -> str:
+    """Likewise in the page for missing pages."""
+    return output_content.replace(_SHIM, _OWN_SHIM)
