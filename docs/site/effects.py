@@ -37,6 +37,12 @@ def _pair(effect: Effect) -> tuple[Drive, Drive, dict[str, float]]:
     return without, without.replace(changes), changes
 
 
+def _quiet(drive: Drive, effect: Effect) -> Drive:
+    """Return a drive whose encoders do not count, so that a small difference is seen."""
+    counts = {n: 0.0 for n, slot in LAYOUT.items() if slot.effect.id == "encoder_quantisation" and n in drive.values}
+    return drive if effect.id == "encoder_quantisation" else drive.replace(counts)
+
+
 def _follows(chart: Chart) -> float:
     """Return how much of a missing force's variance a function of this chart's variable explains."""
     explained, total = 0.0, 0.0
@@ -58,9 +64,9 @@ def caption(effect: Effect) -> str:
     changed = ", ".join(
         f"{n} = {v:.3g} {LAYOUT[n].parameter.unit}".removesuffix(" 1") for n, v in _pair(effect)[2].items()
     )
-    left = f"With {changed} (solid) and without (dashed)."
+    left = f"With {changed} (solid) and without (dashed); below, the difference."
     if effect.base:
-        return f"{left} Right: the difference."
+        return left
     return f"{left} Right: the force that a drive without the effect misses, from the encoders."
 
 
@@ -70,7 +76,7 @@ def picture(effect: Effect) -> Any:
     without, present, changes = _pair(effect)
     t = np.arange(8001) * 1e-3
     u = sine(t, 2.0, 0.7) * (0.75 + 0.35 * np.sin(2.0 * np.pi * 0.13 * t)) + sine(t, 1.0, 2.3)
-    runs = [drive.simulate(t, u) for drive in (present, without)]
+    runs = [_quiet(drive, effect).simulate(t, u) for drive in (present, without)]
     pairs = zip(
         *((r.v1, r.v1 if r.v2 is None else r.v2) for r in runs), strict=True
     )  # without a spring both carts are one
@@ -79,17 +85,21 @@ def picture(effect: Effect) -> Any:
     width = round(_WINDOW_S / 1e-3)
     gathered = np.convolve(np.square(off[cart]), np.ones(width), "valid")
     shown = slice(int(np.argmax(gathered)), int(np.argmax(gathered)) + width)
-    figure = new_figure(2.7)
-    left, right = figure.subplots(1, 2)
-    with_it, without_it = ((r.v1, r.v1 if r.v2 is None else r.v2)[cart] for r in runs)
-    left.plot(t[shown], without_it[shown], color=REFERENCE, linestyle="--", linewidth=1.2, label="without")
-    left.plot(t[shown], with_it[shown], color=CART[cart + 1], linewidth=1.2, label="with")
-    left.set(xlabel="t [s]", ylabel=f"$v_{cart + 1}$ [mm/s]")
-    legend_above(left)
+    figure = new_figure(3.6)
+    grid = figure.add_gridspec(2, 2 - effect.base, height_ratios=[3, 2])
+    above = figure.add_subplot(grid[0, 0])
+    below = figure.add_subplot(grid[1, 0], sharex=above)
+    with_it, without_it = ((r.v1, r.v1 if r.v2 is None else r.v2)[cart][shown] for r in runs)
+    above.plot(t[shown], without_it, color=REFERENCE, linestyle="--", linewidth=1.2, label="without")
+    above.plot(t[shown], with_it, color=CART[cart + 1], linewidth=1.2, label="with")
+    above.set(ylabel=f"$v_{cart + 1}$ [mm/s]")
+    above.tick_params(labelbottom=False)
+    legend_above(above)
+    below.plot(t[shown], with_it - without_it, color=CART[cart + 1], linewidth=1.0)
+    below.set(xlabel="t [s]", ylabel="difference")
     if effect.base:
-        right.plot(t[shown], (with_it - without_it)[shown], color=CART[cart + 1], linewidth=1.0)
-        right.set(xlabel="t [s]", ylabel=f"difference of $v_{cart + 1}$ [mm/s]")
         return figure
+    right = figure.add_subplot(grid[:, 1])
     chart = max(signature(without, changes), key=_follows)
     for dots, colour in zip(chart.series, (CART[1], CART[2]), strict=True):
         right.plot(dots.x, dots.y, ".", markersize=2.0, color=colour, label=dots.name)
