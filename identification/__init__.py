@@ -2,6 +2,7 @@
 
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.verdict import Diagnosis
+from identification.diagnosis_file import load_diagnosis
 from identification.likelihood import MaximumLikelihood, identify_by_likelihood
 from identification.methods import Identification, identify
 from identification.readiness import Check, check
@@ -19,6 +20,7 @@ __all__ = [
     "diagnose",
     "identify",
     "identify_by_likelihood",
+    "load_diagnosis",
     "read_recordings",
     "validate",
     "write_recording",

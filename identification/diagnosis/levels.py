@@ -35,7 +35,3 @@ class Levels:
     def white(self, x: FloatArray) -> FloatArray:
         """Return weighted rows, shape (N,) or (N, k)."""
         return np.asarray(x * (self.weights if x.ndim == 1 else self.weights[:, None]))
-
-    def residual(self, raw: FloatArray) -> FloatArray:
-        """Return the weighted residual, shape (N,)."""
-        return self.white(raw)

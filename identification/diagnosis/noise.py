@@ -40,8 +40,12 @@ _LEAST_LEVEL = 0.02
 _BETWEEN_RIGS = 2.0
 # evaluations of the likelihood per search
 _EVALUATIONS = 120
+# share of the unknown forces in recordings of a cart that hardly moves
+_STILL = 1e-3
+# steps of expectation maximisation
+_MAXIMISATIONS = 6
 # how far a group's standard deviation may go from its prior, as a factor: other rigs are quieter or rougher
-_LEAST, _MOST = 0.25, 2.5
+_LEAST, _MOST = 0.25, 4.0
 # rows over which a scatter is smoothed: 15 ms, the time of a slip
 _NEIGHBOURS = 3
 # singular values under which a direction is lost in the noise
@@ -115,7 +119,9 @@ class Noise:
         """Return transition, covariance and variances at the start for every recording."""
         found = []
         q, s = np.array(self.forces.white), np.array(self.forces.slow)
-        for run, own in zip(self.bench.runs, self.own, strict=True):
+        for run, share in zip(self.bench.runs, self.own, strict=True):
+            # what is compared by position hardly moves: friction holds it against forces that nobody knows
+            own = _STILL if run.positions else share
             A, Q = transitions(self.values, run.block * run.sample_time, own * q, own * s, self.forces.time_s)
             rho = _rounding(self.bench, run.name)
             start = np.array([rho[0], 0.0, rho[-1], 0.0, *(own * s) ** 2])
@@ -180,8 +186,9 @@ def estimate(bench: Bench, values: Values, residual: FloatArray, found: Sequence
             break
         D = np.column_stack([d.change * d.size for d in found])
         white, _ = noise.innovations(np.column_stack([D, residual]))
-        amplitude, variance = _amplitudes(bench, white, found, scale)
-        scale = _scales(amplitude, variance, found)
+        for _ in range(_MAXIMISATIONS):
+            amplitude, variance = _amplitudes(bench, white, found, scale)
+            scale = _scales(amplitude, variance, found)
         if turn == 0:
             rest = residual - np.concatenate([D[rows] @ a for rows, a in zip(bench.rows, amplitude, strict=True)])
         else:

@@ -29,6 +29,8 @@ _UPPER, _NORMAL = 0.9, 1.2816
 _LEAST = 1.5
 # draws made at a time, and the first of them, which tell the weights
 _CHUNK, _FIRST = 60, 120
+# time in which an unknown force changes [s]
+_FASTEST_S = 0.01
 # so many better draws end the series
 _ENOUGH = 15
 
@@ -159,8 +161,11 @@ def _forces(noise: Noise, r: int, n: int, h: float, rng: np.random.Generator) ->
     """Return unknown forces on both carts, shape (2, n) [V]."""
     own, found = float(noise.own[r]), np.empty((2, n))
     keep = float(np.exp(-h / noise.forces.time_s))
+    # blocks of rows tell nothing of what is faster than this
+    knots = np.arange(0.0, (n + 1) * h + _FASTEST_S, _FASTEST_S)
+    at = h * np.arange(n)
     for c in range(2):
-        white = rng.standard_normal(n) * noise.forces.white[c] / np.sqrt(h)
+        white = np.interp(at, knots, rng.standard_normal(len(knots)) * noise.forces.white[c] / np.sqrt(_FASTEST_S))
         drive = rng.standard_normal(n) * noise.forces.slow[c] * np.sqrt(1.0 - keep**2)
         drive[0] = rng.standard_normal() * noise.forces.slow[c]
         found[c] = own * (white + lfilter([1.0], [1.0, -keep], drive))

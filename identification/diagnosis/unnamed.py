@@ -48,7 +48,7 @@ def _curve(bench: Bench, last: Round, shape: Shape) -> Curve:
     base, noise = last.base, last.noise
     pushed = bench.pushed(base.values, shape.forces, shape.size)
     white = noise.white(np.column_stack([base.jacobian[:, base.interior], *pushed]))
-    n = Normal.of(bench.products(np.column_stack([white, noise.residual(base.residual)])))
+    n = Normal.of(bench.products(np.column_stack([white, noise.white(base.residual)])))
     knots, damping = slice(white.shape[1] - len(shape.at), None), bench.settings.damping
     own = n.steps(damping)[:, knots]
     U = len(own)

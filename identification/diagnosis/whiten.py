@@ -65,14 +65,14 @@ def _transition(
     F[0, 1] = F[2, 3] = 1.0
     F[1] = [-k / m1, -b1 / m1, k / m1, 0.0, 1.0 / m1, 0.0]
     F[3] = [k / m2, 0.0, -k / m2, -b2 / m2, 0.0, 1.0 / m2]
+    L[1, 1], L[3, 3] = (q[0] / m1) ** 2, (q[1] / m2) ** 2
+    L[4, 4], L[5, 5] = 2.0 * s**2 / tau
     for c in range(2):
         if rests[c]:
             # friction holds it, whatever pulls
             F[1 + 2 * c] = 0.0
             F[1 + 2 * c, 1 + 2 * c] = -1.0 / _STOPS_S
     F[4, 4] = F[5, 5] = -1.0 / tau
-    L[1, 1], L[3, 3] = (q[0] / m1) ** 2, (q[1] / m2) ** 2
-    L[4, 4], L[5, 5] = 2.0 * s**2 / tau
     # C. F. Van Loan, Computing integrals involving the matrix exponential, 1978
     both = np.block([[-F, L], [np.zeros_like(F), F.T]])
     E = expm(both * h)
