@@ -1,7 +1,9 @@
 """Files of earlier forms are read in the present one; nothing is guessed that they do not say."""
 
 import json
+from importlib.resources import files
 
+import jsonschema
 import pytest
 
 from flexdrive_gym.schema import Schema
@@ -45,6 +47,8 @@ def test_a_diagnosis_of_schema_1_is_read_as_schema_2(tmp_path):
         }
     ]  # fmt: skip
     assert found["baseline"] == OLD["baseline"]
+    schema = files("identification.diagnosis") / "diagnosis.schema.json"
+    jsonschema.validate(found, json.loads(schema.read_text(encoding="utf-8")))
     again = tmp_path / "again.json"
     again.write_text(json.dumps(found))
     assert load_diagnosis(again) == found
