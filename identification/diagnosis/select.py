@@ -243,7 +243,9 @@ class Selector:
             base = fit(bench, noise, base.values, base.names)
             linear = linear.around(base, noise)
             table = evaluate(linear, linear.residual[:, None])
-            jobs = [(c, f.values) for c, f in fits.values()] or self._jobs(base, linear, table, first, candidates, number)
+            jobs = [(c, f.values) for c, f in fits.values()] or self._jobs(
+                base, linear, table, first, candidates, number
+            )
             fits = self._fits(base, noise, jobs)
             model = min((f for _, f in fits.values()), key=lambda f: f.cost, default=base)
             if model.cost > (1.0 - self.settings.large) * base.cost:
@@ -303,13 +305,15 @@ class Selector:
     def _far(self, base: Fit) -> bool:
         """Whether the simulation is so far from the data that its own sensitivities may lead nowhere."""
         bench = self.bench
-        errors = [float(np.mean(base.residual[p.rows][bench.valid[p.rows]] ** 2)) for p in bench.pieces if bench.valid[p.rows].any()]
+        errors = [
+            float(np.mean(base.residual[p.rows][bench.valid[p.rows]] ** 2))
+            for p in bench.pieces
+            if bench.valid[p.rows].any()
+        ]
         seen = [s for p, s in zip(bench.pieces, bench.signal, strict=True) if bench.valid[p.rows].any()]
         return sum(errors) > self.settings.far * sum(seen)
 
-    def _better_base(
-        self, base: Fit, noise: Noise, fits: Mapping[Name, tuple[Candidate, Fit]]
-    ) -> tuple[Fit, float]:
+    def _better_base(self, base: Fit, noise: Noise, fits: Mapping[Name, tuple[Candidate, Fit]]) -> tuple[Fit, float]:
         """Refit the base model from the candidates' optima: a better optimum of it must not pass for a gain.
 
         Returns the best fit, and by how much the log-likelihoods of its optima differ: dry friction makes a likelihood rough.
@@ -410,9 +414,10 @@ def _scored(
 ) -> list[Scored]:
     """Return every name with its gain: of its fit where there is one, else of its linear change.
 
-    Null draws know linear changes alone. A fit that gains more has found more, or a better place on a rough likelihood. So the ratio of
-    likelihoods, with what the base model's own optima differ by taken off, and one of the two tests to first order (score and Wald)
-    must both be significant.
+    Null draws know linear changes alone. A fit that gains more has found more, or a better place on a rough likelihood.
+    So the ratio of
+    likelihoods, with what the base model's own optima differ by taken off, and one of the two tests to first order
+    (score and Wald) must both be significant.
     """
     found = []
     for name in {**table.best, **fits}:
