@@ -13,7 +13,6 @@ from typing import Any
 
 from flexdrive_gym.schema import Schema
 
-
 # dry friction of single runs is part of the noise since
 _GONE = ("friction_spread", "own_friction_rms")
 

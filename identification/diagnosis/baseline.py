@@ -12,7 +12,6 @@ from flexdrive_gym.drive.parameters import checked
 from flexdrive_gym.recording import FloatArray
 from identification.diagnosis.bench import Bench, Values
 from identification.diagnosis.fit import Fit, fit
-from identification.diagnosis.levels import Levels
 from identification.quantities import HANDOUT_RATIOS, RATIOS, Quantity, derived_quantities
 
 
@@ -31,20 +30,15 @@ def tied(values: Values) -> dict[str, float]:
     return {**values, **{n: HANDOUT_RATIOS[r] * values.get(free, 0.0) for r, (n, free) in RATIOS.items()}}
 
 
-def fit_both(bench: Bench, base: Fit) -> tuple[Drive, Drive]:
-    """Fit the base model by output error with the handout's ratios held, and with free ones, from its own optimum.
-
-    Both are judged by long horizons, and weighted by what the base model leaves in every recording.
-    """
-    levels = Levels.of(bench, base.residual)
+def fit_tied(bench: Bench, base: Fit) -> Drive:
+    """Fit the base model with the handout's ratios held, in the metric of its free optimum."""
     start = dict(base.values)
     for ratio, (n, free) in RATIOS.items():
         # the sum is what both agree on
         start[free] = (start[free] + start[n]) / (1.0 + HANDOUT_RATIOS[ratio])
     names = [n for n in base.names if n not in {n for n, _ in RATIOS.values()}]
-    held = tied(fit(_Tied(bench), levels, tied(start), names).values)
-    free_values = fit(bench, levels, base.values, base.names).values
-    return Drive(checked(held), name="handout's ratios"), Drive(checked(free_values), name="free ratios")
+    best = fit(_Tied(bench), base.metric, tied(start), names)
+    return Drive(checked(tied(best.values)), name="handout's ratios")
 
 
 def ratios(drive: Drive) -> Mapping[str, Quantity]:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from threadpoolctl import threadpool_limits
 
 from flexdrive_gym import Drive, Provenance, Recording, __version__
 from flexdrive_gym.drive.parameters import checked
-from identification.diagnosis.baseline import fit_both, ratios
+from identification.diagnosis.baseline import fit_tied, ratios
 from identification.diagnosis.bench import Bench
 from identification.diagnosis.candidates.catalogue import Candidate
 from identification.diagnosis.candidates.phases import Phase
@@ -24,6 +25,7 @@ from identification.diagnosis.covariance import uncertainty
 from identification.diagnosis.errors import loop_fits, recording_fits, total, velocity_rms
 from identification.diagnosis.fit import Fit
 from identification.diagnosis.homogeneity import Homogeneity, homogeneity
+from identification.diagnosis.levels import output_error
 from identification.diagnosis.maps import draw_maps, harmonics, located
 from identification.diagnosis.missing_force import missing_force
 from identification.diagnosis.notes import notes_of
@@ -135,7 +137,7 @@ def without_known(topology: Topology) -> tuple[Topology, dict[str, float]]:
     return replace(topology, free=tuple(n for n in topology.free if n not in known), start=start), usual
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _Result:
     """What was selected, on its way to a diagnosis; figures in the engine's units until the end."""
 
@@ -145,13 +147,21 @@ class _Result:
     topology: Topology
     pool: Executor
 
+    @cached_property
+    def base(self) -> Fit:
+        return output_error(self.bench, self.selection.first)
+
+    @cached_property
+    def model(self) -> Fit:
+        return output_error(self.bench, self.selection.model) if self.selection.accepted else self.base
+
     @property
     def runs(self) -> Sequence[Recording]:
         return self.bench.recordings
 
     def homogeneity(self, alpha: float, rng: np.random.Generator) -> tuple[Homogeneity, ...]:
         """Hold the parameters against the sessions, in the rig's units."""
-        model, units = self.selection.model, self.runs[0].units
+        model, units = self.model, self.runs[0].units
         ones = {n: units.one(unit_of(n)) for n in model.names}
         scale = model.scale / np.array([ones[n] for n in model.names])
         values = {n: v / ones.get(n, 1.0) for n, v in model.values.items()}
@@ -164,10 +174,7 @@ class _Result:
     def diagnosis(self, same: tuple[Homogeneity, ...]) -> Diagnosis:
         """Return the diagnosis but for what only the caller knows."""
         units, split = self.runs[0].units, self.split
-        base, drive = (
-            self.drive(self.selection.first, "base model"),
-            self.drive(self.selection.model, "diagnosed drive"),
-        )
+        base, drive = self.drive(self.base, "base model"), self.drive(self.model, "diagnosed drive")
         forces = list(self.pool.map(lambda r: missing_force(base.values, r), self.runs))
         maps = draw_maps(forces)
         findings = tuple(self.finding(s, step, drive) for s, step in self.selection.accepted)
@@ -177,9 +184,7 @@ class _Result:
         report = recording_fits(base, drive, split.report, "report", everything, self.pool)
         loops = loop_fits(base, drive, split.loops, self.pool)
         before, after, floor = total(report) if report else total(estimation)
-        tied, free = None, base
-        if self.topology.two_carts:
-            tied, free = fit_both(self.bench, self.selection.first)
+        tied = fit_tied(self.bench, self.base) if self.topology.two_carts else None
         return in_units(
             Diagnosis(
                 verdict=_verdict(findings, nameless, estimation),
@@ -188,7 +193,7 @@ class _Result:
                 findings=findings,
                 unnamed=nameless,
                 handout_tied_rms=float("nan") if tied is None else velocity_rms(self.runs, tied.values, self.pool),
-                free_rms=velocity_rms(self.runs, free.values, self.pool),
+                free_rms=total(estimation)[0],
                 ratios=ratios(base),
                 before_rms=before,
                 after_rms=after,
@@ -218,7 +223,10 @@ class _Result:
             {k: v for k, v in limits.items() if k in values},
             covariance,
             Provenance(
-                "diagnosis", tuple(r.name for r in self.runs), __version__, "fitted to the estimation recordings"
+                "diagnosis",
+                tuple(r.name for r in self.runs),
+                __version__,
+                "by output error to the estimation recordings",
             ),
             name=name,
             run_to_run=friction_run_to_run(values, self.bench.runs, self.pool),
@@ -227,7 +235,8 @@ class _Result:
 
     def finding(self, scored: Scored, step: Round, drive: Drive) -> Finding:
         """Return an accepted candidate with what speaks for it."""
-        values = step.base.values if scored.fit is None else scored.fit.values
+        before = output_error(self.bench, step.base)
+        after = before if scored.fit is None else output_error(self.bench, scored.fit)
         ties = step.ties()
         judged = self.split.report or self.runs
         compared = [scored, *(t for t in ties if t.fit is not None)]
@@ -238,8 +247,8 @@ class _Result:
             experiment_for(scored.name[0]) if ties else None,
             share_of(scored, step),
             scored.significance,
-            velocity_rms(judged, step.base.values, self.pool),
-            velocity_rms(judged, values, self.pool),
+            velocity_rms(judged, before.values, self.pool),
+            velocity_rms(judged, after.values, self.pool),
             keys=scored.candidate.keys if isinstance(scored.candidate, Candidate) else (),
             drives=tuple(
                 Drive(checked(s.fit.values), name="@".join(s.name))

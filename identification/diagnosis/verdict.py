@@ -304,10 +304,10 @@ class Diagnosis:
     Attributes
     ----------
     drive, base
-        The drive with all findings, and the base model: both fitted to the estimation recordings alone.
+        The drive with all findings, and the base model: both fitted by output error to the estimation recordings alone.
     handout_tied_rms, free_rms
-        Of the base model over the estimation recordings [unit], fitted by output error with the handout's ratios and with free
-        ones; nan where the ratios do not apply.
+        Of the base model over the estimation recordings [unit], with the handout's ratios and with free ones; the former is nan
+        where the ratios do not apply.
     ratios, tied
         Of the base model, with intervals; and the drive with the handout's ratios, ``None`` where they do not apply.
     before_rms, after_rms, floor_rms

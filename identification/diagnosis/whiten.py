@@ -4,14 +4,16 @@ Around the simulation the carts' deviations obey the linear drive, driven by for
 :math:`q_c` and slow ones, :math:`\tau \dot f_c = -f_c + \sqrt{2\tau}\, s_c w_c`. With the state
 :math:`z = (x_1, v_1, x_2, v_2, f_1, f_2)` and an encoder that errs by its rounding,
 
-.. math:: z_{b+1} = A z_b + w_b, \qquad y_{cb} = x_c + n_{cb}, \qquad \operatorname{cov} w_b = Q, \quad \operatorname{var} n = \rho,
+.. math:: z_{b+1} = A z_b + w_b, \qquad y_{cb} = x_c + n_{cb}, \qquad \operatorname{cov} w_b = Q, \quad
+\operatorname{var} n = \rho,
 
 the innovations of the Kalman filter over their standard deviations are white with variance one, and their squares with the
 logarithms of those variances are the likelihood (R. K. Mehra 1970; L. Ljung, System Identification, 1999, ch. 7). Where forces
-are large against the rounding this is the equation error, where they are small the output error. The filter is linear, so the same
-filter turns sensitivities into regressors.
+are large against the rounding this is the equation error, where they are small the output error. The filter is linear,
+so the same filter turns sensitivities into regressors.
 
-A cart at rest is held by friction, whatever pulls: its velocity then ends within milliseconds, and neither spring nor forces act on it.
+A cart at rest is held by friction, whatever pulls: its velocity then ends within milliseconds, and neither spring nor
+forces act on it.
 Velocities are summed to positions first: their error is a difference of roundings, and the sum of it white. What was lost is an
 unknown offset of the position afterwards.
 """
@@ -85,8 +87,9 @@ def _transition(
 def innovations(
     As: Any, Qs: Any, mode: Any, P: Any, rounding: Any, y: Any, valid: Any, gain: Any, z: Any, out: Any
 ) -> float:
-    """Write whitened rows, shape (carts, blocks, columns); return the sum of the logarithms of moving carts' innovations' variances.
+    """Write whitened rows, shape (carts, blocks, columns).
 
+    Returns the sum of the logarithms of the innovations' variances of moving carts.
     ``P``, the covariance at the start, is used up; ``gain`` (carts, 6), ``z`` (6, columns) are room to work in.
     """
     carts, blocks, columns = y.shape
