@@ -203,7 +203,7 @@ class _Result:
                 drive=drive,
                 base=base,
                 seconds=0.0,
-                p_value=min(s.significance for s in self.selection.rounds[0].scored),
+                p_value=significance_of(self.selection.rounds[0]),
                 split=replace(split, estimation=tuple(self.runs)),
                 notes=notes_of(drive, split, loops, self.bench.runs, units),
                 maps=tuple(maps),
@@ -246,7 +246,7 @@ class _Result:
             tuple(Named(*t.name) for t in ties),
             experiment_for(scored.name[0]) if ties else None,
             share_of(scored, step),
-            scored.significance,
+            significance_of(step),
             velocity_rms(judged, before.values, self.pool),
             velocity_rms(judged, after.values, self.pool),
             keys=scored.candidate.keys if isinstance(scored.candidate, Candidate) else (),
@@ -256,6 +256,14 @@ class _Result:
                 if scored.fit is not None and s.fit is not None
             ),
         )
+
+
+def significance_of(step: Round) -> float:
+    """Return the p-value of a round: that of its most significant candidate, each compared with the best of the catalogue.
+
+    What is named may be another that predicts as well with fewer parameters.
+    """
+    return min(s.significance for s in step.scored)
 
 
 def _estimates(scored: Scored, drive: Drive) -> dict[str, Estimate]:

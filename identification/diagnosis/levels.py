@@ -1,7 +1,8 @@
 """Output error: rows weighted by the level of error of their recording and cart, which judge long horizons.
 
 Names are selected by prediction errors, which tell laws apart within milliseconds. A drive that lacks something predicts well
-with friction that simulates badly, so the drives that a diagnosis reports, and predicts from, are fitted once more by output error.
+with friction that simulates badly, so the drives that a diagnosis reports, and predicts from, are fitted once more by output
+error.
 """
 
 from __future__ import annotations
