@@ -80,6 +80,7 @@ def remaining(diagnosis: Diagnosis, pool: Executor) -> Remaining:
     order = [(m.where, m.variable) for m in before]
     supply, after = ({(m.where, m.variable): m for m in draw_maps(forces)} for forces in (supplied, left))
     both = [i for i, name in enumerate(order) if name in supply and name in after]
+
     def told(forces: Sequence[MissingForce]) -> tuple[MissingForce, ...]:
         return tuple(f.of_rig(units) for f in forces)
 
