@@ -77,6 +77,7 @@ class Renderer:
 
     def add(self, frame: Frame) -> None:
         """Take the drive's state at the next instant; every sample may be added, also between pictures."""
+        frame = in_rig_units(frame, frame.units)
         self._history.add(frame)
         self._frame = frame
 
@@ -121,7 +122,8 @@ class Renderer:
         """Return the largest position on the rail [mm]: the travel limit, or what was seen where there is none."""
         if isfinite(frame.travel_limit):
             return frame.travel_limit
-        return round_out(0.0, max(1.2 * self._history.highest, -1.2 * self._history.lowest, 100.0))[1]
+        least = 100.0 / frame.units.one("mm")
+        return round_out(0.0, max(1.2 * self._history.highest, -1.2 * self._history.lowest, least))[1]
 
     def _draw(self, frame: Frame) -> pygame.Surface:
         if self._canvas is None:

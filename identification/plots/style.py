@@ -128,8 +128,21 @@ def label_in(axis: Axis, text: str, units: Units) -> None:
     """
     axis.set_label_text(units.name(text))
     one = units.one(text[text.rindex("[") + 1 : text.rindex("]")])
+    axis.engine_per_unit = one  # type: ignore[attr-defined]  (what the figure's CSV divides by)
     if one != 1.0:
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / one:g}"))
+
+
+def rename_units(figure: Figure, units: Units) -> None:
+    """Name the rig's units in the labels of a figure whose numbers are the rig's and whose labels name the lab's in brackets."""
+    if units.lab:
+        return
+    for axes in figure.axes:
+        for label in (axes.xaxis.label, axes.yaxis.label, axes.title, axes._left_title):
+            label.set_text(units.label(label.get_text()))
+    for label in (figure._supxlabel, figure._supylabel, figure._suptitle):
+        if label is not None:
+            label.set_text(units.label(label.get_text()))
 
 
 def legend_above(axes: Axes) -> None:
