@@ -1,8 +1,8 @@
 """Controllers on rigs of any size: the laboratory's tasks on the scale of the rig.
 
-The handout's references, limits and thresholds (50 mm, 2.5 V, a swing of 25 mm) are sensible for the handout's rig. Another rig is
-brought to them by a choice of units: what its recordings reach with the command is the lab's largest excitation, and a move that
-they cover is the lab's 50 mm. Everything that is designed, run and judged keeps its form there, and everything that is told goes
+The handout's references, limits and thresholds (50 mm, 2.5 V, a swing of 25 mm) are sensible for the handout's rig. Another rig
+is brought to them by a choice of units: what its recordings reach with the command is the lab's largest excitation, and a move
+that they cover is the lab's 50 mm. Everything that is designed, run and judged keeps its form there, and everything that is told goes
 back through :func:`~flexdrive_gym.units.in_rig_units`.
 
 A move is covered where a cart went as far, and where the speed of the handout's trajectory, twice the stroke in a second, is at

@@ -279,7 +279,7 @@ def _write_side_by_side(found: dict[str, Found], output: Path) -> list[Path]:
 
 
 def _as_json(result: Comparison) -> dict[str, object]:
-    """Return a comparison, in the rig's units, as one object; a lab's unit is part of a key's name, another rig's stands beside."""
+    """Return a comparison in the rig's units as one object; the lab's are part of a key's name, another rig's stand beside."""
     groups = ("nominal", "draw", "effect")
     units = result.drive.units
     _V, _mm = ("_V", "_mm") if units.lab else ("", "")
@@ -328,7 +328,9 @@ def _print(result: Comparison, summaries: Sequence[Summary], improvements: Seque
     say(with_friction(units))
     if any(r.entry.learnt for r in result.results):
         table(
-            units.label("rms e along each reference [mm]: interquartile means, and 95 % intervals over training seeds and drives"),
+            units.label(
+                "rms e along each reference [mm]: interquartile means, and 95 % intervals over training seeds and drives"
+            ),
             ["group", "seeds", "handout", "failures", *result.references],
             [
                 [

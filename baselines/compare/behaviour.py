@@ -114,9 +114,7 @@ def behaviour(comparison: Comparison) -> Behaviour:
     chosen |= {g.middle.entry.name: g.middle for g in learnt}
     t = instants(comparison.duration)
     named = {str(c.reference): c.reference for c in comparison.cases}
-    references = {
-        name: named.get(name, Reference(HANDOUT)).sampled(t) for name in (HANDOUT, *comparison.references)
-    }
+    references = {name: named.get(name, Reference(HANDOUT)).sampled(t) for name in (HANDOUT, *comparison.references)}
     return Behaviour(t, references, tuple(_shown(comparison, r, references) for r in chosen.values()))
 
 

@@ -114,7 +114,11 @@ def lesson(comparison: Comparison) -> Lesson:
         gain, reads = float(recording.excitation.gain or 0.0), recording.excitation.feedback or "x2"
         controller = proportional(gain, "x1" if reads == "x1" else "x2")
         name = f"P({reads}), {_P_TITLES[section]}"
-        shown.append(_demonstrated(drive, controller, name, f"{drive.units.text(gain, 'V/mm')} · (xr - {reads})", reads, RIG_TIME_S, xr))
+        shown.append(
+            _demonstrated(
+                drive, controller, name, f"{drive.units.text(gain, 'V/mm')} · (xr - {reads})", reads, RIG_TIME_S, xr
+            )
+        )
     lab4 = design("lab4", drive, limit=comparison.limit)
     shown.append(
         _demonstrated(

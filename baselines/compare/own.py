@@ -1,7 +1,7 @@
 """Controllers of one's own in a comparison: objects in Python, code in a file, or a linear controller as data.
 
-A TOML file describes a :class:`~flexdrive_gym.LinearController` and runs nothing; a Python file is run, on purpose. Files speak the
-rig's units: their gains, limits, readings and commands are brought to the scale of the drive that they shall run on.
+A TOML file describes a :class:`~flexdrive_gym.LinearController` and runs nothing; a Python file is run, on purpose. Files speak
+the rig's units: their gains, limits, readings and commands are brought to the scale of the drive that they shall run on.
 """
 
 from __future__ import annotations
@@ -149,7 +149,7 @@ class OfRig:
 
 def in_engine_units(controller: Any, units: Units) -> Controller:
     """Return what a file made for a rig as a controller on the engine's scale; policies are on it already."""
-    if units.lab or isinstance(controller, PolicyController) or isinstance(controller, type) or not callable(controller):
+    if units.lab or isinstance(controller, PolicyController | type) or not callable(controller):
         return controller  # type: ignore[no-any-return]
     if isinstance(controller, PControl):
         return PControl(units.to_engine(controller.gain, "V/mm"), controller.feedback)

@@ -99,8 +99,9 @@ LEAST_SWING_MM = 0.1
 
 def tracking_table(found: Comparison) -> Table:
     """Return the measures along the handout's trajectory on the identified drive, figures as they are given."""
+    limit = min(found.limit, found.drive.voltage_limit)
     return Table(
-        f"tracking on “{found.drive.name}”, simulated, ±{min(found.limit, found.drive.voltage_limit):.4g} {found.drive.units.command}",
+        f"tracking on “{found.drive.name}”, simulated, ±{limit:.4g} {found.drive.units.command}",
         ("controller", "reads", "rms e [mm]", "peak [mm]", "settling [s]", "overshoot [%]", "vibration [V mm]", "rms u [V]",
          "peak u [V]"),
         tuple(
@@ -111,8 +112,8 @@ def tracking_table(found: Comparison) -> Table:
     )  # fmt: skip
 
 
-def margins_table(found: Comparison) -> Table:
-    """Return the margins, each by its name."""
+def margins_table(found: Comparison, units: Units) -> Table:
+    """Return the margins, each by its name; figures as they are given, in the rig's ``units``."""
     return Table(
         "margins of the sampled linear loop (in brackets: by trial), and simulated with friction and limit",
         ("controller", "GM linear", "PM linear [deg]", "delay linear [ms]", "disk", "peak |S|", "rejection [V/mm]",
@@ -123,7 +124,7 @@ def margins_table(found: Comparison) -> Table:
              _pair(None if m is None else 1e3 * m.delay_margin, None if e is None else 1e3 * e.delay_margin),
              figure(None if m is None else m.disk_margin, 2), figure(None if m is None else m.sensitivity_peak, 3),
              figure(None if m is None else m.stiffness, 3), figure(None if f is None else f.gain_margin, 4),
-             figure(None if f is None else 1e3 * f.delay_margin, 4), loop_words(r, found.drive.units))
+             figure(None if f is None else 1e3 * f.delay_margin, 4), loop_words(r, units))
             for r in found.results for m, e, f in [(r.margins, r.empirical, r.on_rig)]
         ),
     )  # fmt: skip
@@ -146,7 +147,9 @@ def robustness_table(found: Comparison) -> Table:
 def tables(found: Comparison) -> list[Table]:
     """Return tracking, margins and robustness in the rig's units."""
     units, shown = found.drive.units, in_rig_units(found, found.drive.units)
-    return [table.of_rig(units) for table in (tracking_table(shown), margins_table(shown), robustness_table(shown))]
+    return [
+        table.of_rig(units) for table in (tracking_table(shown), margins_table(shown, units), robustness_table(shown))
+    ]
 
 
 def side_by_side(found: Sequence[tuple[str, Comparison]]) -> Table:

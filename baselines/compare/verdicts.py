@@ -40,7 +40,9 @@ def learnt_verdicts(
         if p is not None and group.name == _AIM_OF and p.rms.value > 0.0:
             ratio = own.rms.value / p.rms.value
             word = "meets" if ratio <= AIM else "misses"
-            said.append(f"That is {ratio:.0%} of {p.name}'s {p.rms.value:.3g} {units.length}: it {word} the aim of {AIM:.0%}.")
+            said.append(
+                f"That is {ratio:.0%} of {p.name}'s {p.rms.value:.3g} {units.length}: it {word} the aim of {AIM:.0%}."
+            )
         said += _standing(group.name, [i for i in improvements if i.learnt == group.name])
         said += _same_period(comparison, group, by_name)
     return said
@@ -128,7 +130,7 @@ def where_it_loses(comparison: Comparison, summaries: Sequence[Summary], found: 
         said += _lost_effects(group, rival.entry.name, comparison)
         shown, theirs = found.find(group.middle.entry.name), found.find(rival.entry.name)
         if shown is not None and theirs is not None:
-            said += _why(shown, theirs, found, comparison)
+            said += _why(shown, theirs, found, comparison, units)
     return said
 
 
@@ -150,23 +152,24 @@ def _lost_effects(group: Group, rival: str, comparison: Comparison) -> list[str]
     return [f"With {'; '.join(lost)} most seeds of {group.name} fail where {rival} settles."]
 
 
-def _why(shown: Shown, rival: Shown, found: Behaviour, comparison: Comparison) -> list[str]:
+def _why(shown: Shown, rival: Shown, found: Behaviour, comparison: Comparison, units: Units) -> list[str]:
     """Say what the runs and the sweep show: error of moves or rests, equivalent gain at rest, margins."""
     said = []
-    units = comparison.drive.units
     mm, per_mm = units.length, units.name("V/mm")
     ours, theirs = shown.parts[HANDOUT], rival.parts[HANDOUT]
     if isfinite(ours.resting) and isfinite(theirs.resting):
         said.append(
-            f"Along the handout's trajectory {shown.name} (the middle seed) errs by {ours.moving:.3g} {mm} rms in the moves and "
-            f"{ours.resting:.3g} {mm} in the rests, {rival.name} by {theirs.moving:.3g} and {theirs.resting:.3g} {mm}; at the end "
-            f"of the rests {ours.offset:.3g} {mm} are left, of {rival.name} {theirs.offset:.3g} {mm}."
+            f"Along the handout's trajectory {shown.name} (the middle seed) errs by {ours.moving:.3g} {mm} rms in the moves "
+            f"and {ours.resting:.3g} {mm} in the rests, {rival.name} by {theirs.moving:.3g} and {theirs.resting:.3g} {mm}; at the "
+            f"end of the rests {ours.offset:.3g} {mm} are left, of {rival.name} {theirs.offset:.3g} {mm}."
         )
     lab4 = found.find("lab4")
     if shown.sweep is not None and lab4 is not None and isinstance(lab4.result.entry.controller, LinearController):
         slow = float(shown.sweep.frequencies[0])
         gains = np.abs(shown.sweep.response[:, 0])
-        reference = abs(analytic_response(lab4.result.entry.controller, "x2", [slow * units.one("Hz")])[0]) / units.one("V/mm")
+        reference = abs(analytic_response(lab4.result.entry.controller, "x2", [slow * units.one("Hz")])[0]) / units.one(
+            "V/mm"
+        )
         friction = comparison.drive["d1"] + comparison.drive["d2"]
         low, high = float(np.min(gains)), float(np.max(gains))
         span = f"{low:.2g} {per_mm}" if high < 1.05 * low else f"{low:.2g} … {high:.2g} {per_mm} over amplitudes"

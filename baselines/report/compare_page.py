@@ -14,7 +14,7 @@ from baselines.report.page import Section, render
 from baselines.running import run_many
 from flexdrive_gym import LinearController, __version__
 from flexdrive_gym.references import handout_trajectory
-from flexdrive_gym.units import in_rig_units
+from flexdrive_gym.units import Units, in_rig_units
 
 
 def build_compare_page(comparison: Comparison) -> str:
@@ -28,7 +28,7 @@ def build_compare_page(comparison: Comparison) -> str:
             statistics_section(comparison, summaries, improvements),
             behaviour_section(comparison, summaries, found),
         ]
-    sections += [_margins(comparison, shown), _robustness(shown), _who(shown)]
+    sections += [_margins(comparison, shown), _robustness(shown, comparison.drive.units), _who(shown)]
     drawn = sum(c.group == "draw" and c.handout for c in comparison.cases)
     effects = sum(c.group == "effect" for c in comparison.cases)
     others = f", and {', '.join(comparison.references)}" if comparison.references else ""
@@ -130,8 +130,8 @@ def _on_rig(result: Result) -> tuple[str, str]:
     return ("–", "–") if of is None else (cell(of.gain_margin, 4), cell(1e3 * of.delay_margin, 4))
 
 
-def _robustness(comparison: Comparison) -> Section:
-    section = Section("Robustness", "robustness", units=comparison.drive.units)
+def _robustness(comparison: Comparison, units: Units) -> Section:
+    section = Section("Robustness", "robustness", units=units)
     section.table(
         ("controller", "stable over draws", "success over draws", "rms e, 5 % [mm]", "50 %", "95 %", "effects survived"),
         [
@@ -141,7 +141,7 @@ def _robustness(comparison: Comparison) -> Section:
         ],
     )  # fmt: skip
     section.figure(
-        plots.plot_robustness(comparison),
+        plots.plot_robustness(comparison, 1e3 / units.one("mm")),
         "rms error over the drawn drives (bars) and with each left-out effect (dots).",
     )
     effects = [c.name for c in comparison.cases if c.group == "effect"]

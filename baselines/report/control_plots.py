@@ -241,8 +241,11 @@ def plot_errors(
 
 
 @styled
-def plot_robustness(comparison: Comparison) -> Figure:
-    """Draw the rms error over the drawn drives and with every left-out effect, controller by controller."""
+def plot_robustness(comparison: Comparison, farthest: float = 1e3) -> Figure:
+    """Draw the rms error over the drawn drives and with every left-out effect, controller by controller.
+
+    Errors beyond ``farthest`` are drawn there.
+    """
     figure = new_figure(0.9 + 0.26 * len(comparison.results))
     axes = figure.subplots()
     names = [r.entry.name for r in comparison.results]
@@ -255,7 +258,7 @@ def plot_robustness(comparison: Comparison) -> Figure:
         for of in result.effects.values():
             good = of.success
             axes.plot(
-                [min(of.rms, 1e3 / comparison.drive.units.one("mm"))],
+                [min(of.rms, farthest)],
                 [y],
                 "o" if good else "x",
                 color=CART[2] if good else MARK,

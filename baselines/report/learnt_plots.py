@@ -100,7 +100,15 @@ def plot_sweeps(found: Behaviour, units: Units = LAB) -> Figure:
         assert shown.sweep is not None
         f = shown.sweep.frequencies
         for amplitude, row, colour in zip(shown.sweep.amplitudes, shown.sweep.response, SHADES, strict=True):
-            gain.loglog(f, np.abs(row), "o-", color=colour, markersize=2.5, linewidth=1.0, label=f"{amplitude:.3g} {units.length}")
+            gain.loglog(
+                f,
+                np.abs(row),
+                "o-",
+                color=colour,
+                markersize=2.5,
+                linewidth=1.0,
+                label=f"{amplitude:.3g} {units.length}",
+            )
             phase.semilogx(f, np.rad2deg(np.unwrap(np.angle(row))), "o-", color=colour, markersize=2.5, linewidth=1.0)
         if lab4 is not None:
             _draw_lab4(gain, phase, lab4, units)

@@ -34,7 +34,7 @@ def build_teaching_page(comparison: Comparison) -> str:
         subtitle=f"The questions of Lab 3, answered on “{found.drive.name}”: every figure below is simulated on this drive, with "
         "its friction, encoder counts and command limit, along the handout's trajectory.",
         summary=_short(found),
-        sections=[_answers(run), _table(found), _pictures(run), _responses(run), _beyond(found)],
+        sections=[_answers(run), _table(found, run.drive.units), _pictures(run), _responses(run), _beyond(found)],
         footer=f"Made by flexdrive {__version__}: flexdrive compare.",
     )
 
@@ -47,15 +47,15 @@ def _short(found: Lesson) -> list[str]:
     said = []
     if low and high:
         said.append(
-            f"More gain from x2 changes the error left in the dwells from {low.parts.offset:.2g} to {high.parts.offset:.2g} {mm}, "
-            f"and the vibration there from {low.vibration:.2g} to {high.vibration:.2g} {mm}"
+            f"More gain from x2 changes the error left in the dwells from {low.parts.offset:.2g} to {high.parts.offset:.2g} "
+            f"{mm}, and the vibration there from {low.vibration:.2g} to {high.vibration:.2g} {mm}"
             + ("; a little more and it grows." if beyond and not beyond.measures.stable else ".")
         )
     if collocated:
         word = "does not grow" if collocated.measures.stable else "grows"
         said.append(
-            f"The same gain from x1 {word}, and leaves x2 {collocated.parts.offset:.2g} {mm} from where it should be, as the loop "
-            "does not measure x2."
+            f"The same gain from x1 {word}, and leaves x2 {collocated.parts.offset:.2g} {mm} from where it should be, as the "
+            "loop does not measure x2."
         )
     best = min(found.shown, key=lambda d: d.measures.rms if d.measures.stable else float("inf"))
     said.append(f"Of all shown here {best.name} tracks best: {best.measures.rms:.3g} {mm} rms.")
@@ -74,8 +74,7 @@ def _answers(found: Lesson) -> Section:
     return section
 
 
-def _table(found: Lesson) -> Section:
-    units = found.drive.units
+def _table(found: Lesson, units: Units) -> Section:
     section = Section("Side by side", "table", units=units)
     rows: list[tuple[str, ...]] = [
         ("law", *(d.law for d in found.shown)),
@@ -136,7 +135,10 @@ def _pictures(found: Lesson) -> Section:
     section, units = Section("To look at", "pictures"), found.drive.units
     try:
         gifs = [
-            (animated(found.t, found.xr, d.run, f"{d.name}: {d.law}", found.drive.voltage_limit, units), _caption(d, units))
+            (
+                animated(found.t, found.xr, d.run, f"{d.name}: {d.law}", found.drive.voltage_limit, units),
+                _caption(d, units),
+            )
             for d in found.shown
         ]
     except ModuleNotFoundError as error:

@@ -116,7 +116,9 @@ def _draw_legends(canvas: Canvas, frame: Frame, upper: Panel, lower: Panel) -> N
     positions = [entry for entry in positions if not isnan(entry[1])]
     for row, (name, value, colour) in enumerate(positions):
         _draw_entry(canvas, upper, row, name, reading(value, "mm", frame.units, 2), colour)
-    _draw_limit(canvas, upper, len(positions), f"travel ±{reading(frame.travel_limit, 'mm', frame.units)}", frame.travel_limit)
+    _draw_limit(
+        canvas, upper, len(positions), f"travel ±{reading(frame.travel_limit, 'mm', frame.units)}", frame.travel_limit
+    )
     _draw_entry(canvas, lower, 0, "u", reading(frame.u, "V", frame.units, 3), COMMAND)
     _draw_limit(canvas, lower, 1, f"limit ±{reading(frame.voltage_limit, 'V', frame.units)}", frame.voltage_limit)
 

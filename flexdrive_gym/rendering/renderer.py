@@ -16,6 +16,7 @@ from flexdrive_gym.rendering.history import Frame, History
 from flexdrive_gym.rendering.rail import draw_rail
 from flexdrive_gym.rendering.scale import round_out, text
 from flexdrive_gym.rendering.style import PAPER, QUIET, TEXT
+from flexdrive_gym.units import in_rig_units
 
 if TYPE_CHECKING:
     import pygame
