@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from math import isfinite
 from typing import TYPE_CHECKING
 
-from baselines.empirical_margins import SWING_MM
-from baselines.shares import Share
+from baselines.evaluation.proportions import Share
+from baselines.loop_analysis.empirical_margins import SWING_MM
 from flexdrive_gym.units import LAB, Units, in_rig_units
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from baselines.compare.behaviour import Behaviour, Shown, best_classical
 from baselines.compare.cases import HANDOUT
 from baselines.compare.results import Comparison, Group, Result
 from baselines.compare.summary import Improvement, Summary
-from baselines.describing_function import analytic_response
+from baselines.loop_analysis.describing_function import analytic_response
 from flexdrive_gym import LinearController
 from flexdrive_gym.units import Units, in_rig_units
 
@@ -160,8 +160,8 @@ def _why(shown: Shown, rival: Shown, found: Behaviour, comparison: Comparison, u
     if isfinite(ours.resting) and isfinite(theirs.resting):
         said.append(
             f"Along the handout's trajectory {shown.name} (the middle seed) errs by {ours.moving:.3g} {mm} rms in the moves "
-            f"and {ours.resting:.3g} {mm} in the rests, {rival.name} by {theirs.moving:.3g} and {theirs.resting:.3g} {mm}; at the "
-            f"end of the rests {ours.offset:.3g} {mm} are left, of {rival.name} {theirs.offset:.3g} {mm}."
+            f"and {ours.resting:.3g} {mm} in the rests, {rival.name} by {theirs.moving:.3g} and {theirs.resting:.3g} {mm}; at "
+            f"the end of the rests {ours.offset:.3g} {mm} are left, of {rival.name} {theirs.offset:.3g} {mm}."
         )
     lab4 = found.find("lab4")
     if shown.sweep is not None and lab4 is not None and isinstance(lab4.result.entry.controller, LinearController):

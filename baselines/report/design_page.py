@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import isfinite
 
 from baselines.compare.tables import LINEAR
-from baselines.lab4_study import DISTURBANCE_V, STEP_MM, Lab4Study, Line, verdict
-from baselines.metrics import TOLERANCE_MM
+from baselines.evaluation.metrics import TOLERANCE_MM
+from baselines.lab.lab4_study import DISTURBANCE_V, STEP_MM, Lab4Study, Line, verdict
 from baselines.report import control_plots as plots
 from baselines.report.page import Section, render
 from flexdrive_gym import __version__

@@ -10,7 +10,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from baselines.compare import Behaviour, Comparison, Summary
 from baselines.compare.behaviour import SIGNALS
-from baselines.describing_function import analytic_response
+from baselines.loop_analysis.describing_function import analytic_response
 from flexdrive_gym import LinearController
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.units import LAB, Units, in_rig_units

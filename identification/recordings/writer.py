@@ -104,14 +104,12 @@ def write_rig(units: Units, carts: int, path: str | Path, name: str = "") -> Pat
     document.add(tomlkit.comment("What the columns of the recordings beside it mean; commands take it with --rig."))
     rig["name"], rig["carts"] = name, carts
     document["rig"] = rig
-    columns, own = tomlkit.table(), tomlkit.table()
-    roles = {"t": "t", "u": "u", "x1": "x1", "x2": "x2", "v1": "v1", "v2": "v2", "xr": "reference"}
+    own = tomlkit.table()
+    roles = {"u": "u", "x1": "x1", "v1": "v1", "x2": "x2", "v2": "v2", "xr": "reference"}
     for signal, role in roles.items():
-        if carts == 1 and signal in ("x2", "v2"):
-            continue
-        columns[role] = _column(signal, units)
-        own[role] = units.name(_UNIT[signal].replace("_", "/"))
-    document["columns"], document["units"] = columns, own
+        if carts == 2 or signal not in ("x2", "v2"):
+            own[role] = units.name(_UNIT[signal].replace("_", "/"))
+    document["units"] = own
     if units.per_time != 1.0:
         document["scale"] = {"time": units.per_time}
     return write_atomically(path, tomlkit.dumps(document))
