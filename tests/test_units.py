@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from flexdrive_gym import Covariance, Drive, Recording, load_drive, save_drive
-from flexdrive_gym.recording import Excitation, Fault
 from flexdrive_gym.drive.drive import Recorded
+from flexdrive_gym.recording import Excitation, Fault
 from flexdrive_gym.units import LAB, Units, in_rig_units, measured_in
 
 METRES = Units("m", "V", per_length=1000.0)
@@ -140,7 +140,7 @@ def test_a_whole_result_in_the_rigs_units():
     told = in_rig_units(found, ROTARY)
     assert told.error == pytest.approx(0.04)
     assert told.inner.gain == pytest.approx(2.0 / 50.0 * 100.0)
-    assert told.by_limit == {pytest.approx(0.16): told.inner}
+    assert told.by_limit == {8.0 / 50.0: told.inner}
     np.testing.assert_allclose(told.run, [[0.01] * 3, [0.02] * 3])
     assert told.kept.gain == 2.0
     assert told.share == 0.3

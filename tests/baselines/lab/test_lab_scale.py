@@ -6,7 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from baselines.cli import app
 from baselines.compare import compare, entries, load_own
 from baselines.lab.lab_scale import EXCITATION_V, on_lab_scale
 from baselines.loop_analysis.stability_limit import with_rig
@@ -14,13 +16,16 @@ from flexdrive_gym import DEFAULT_DRIVE, Drive, load_drive, save_drive
 from flexdrive_gym.drive.drive import Recorded
 from flexdrive_gym.references import STROKE_MM
 from flexdrive_gym.units import Units, in_rig_units
-from tests.called import called
 
 # of the handout's rig: what 1 rad and 1 N m, or one count and one unit of the converter, would be
 RADIANS = Units("rad", "N m", per_length=1000.0, per_command=100.0)
 COUNTS = Units("counts", "DAC", per_length=0.0046592, per_command=1.0 / 819.0)
 REACHED = Recorded(u=2.5, v=180.0, deflection=20.0, slowest=0.5, fastest=20.0, travel=120.0)
 DRIVE = DEFAULT_DRIVE.replace(recorded=REACHED)
+
+
+def called(*arguments: str):
+    return CliRunner().invoke(app, arguments, env={"COLUMNS": "200"})
 
 
 def described(units: Units) -> Drive:

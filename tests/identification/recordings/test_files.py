@@ -186,7 +186,10 @@ def test_parquet_is_read_as_the_same_log_in_text(tmp_path):
     t = np.arange(200) * 1e-3
     frame = pandas.DataFrame({"t_s": t, "u_V": np.sin(t), "x1_mm": np.arange(200), "note": ["as found"] * 200})
     frame.to_parquet(tmp_path / "a.parquet")
-    check(read_table(tmp_path / "a.parquet"), {name: frame[name].to_numpy() for name in ("t_s", "u_V", "x1_mm")})
+    table = read_table(tmp_path / "a.parquet")
+    found = dict(zip(table.labels, table.values, strict=True))
+    for name in ("t_s", "u_V", "x1_mm"):
+        np.testing.assert_allclose(found[name], frame[name], rtol=1e-12)
 
 
 def test_parquet_with_a_clock_of_dates(tmp_path):
@@ -197,7 +200,9 @@ def test_parquet_with_a_clock_of_dates(tmp_path):
     log.set_index(stamps.rename("time")).to_parquet(tmp_path / "a.parquet")
     (run,) = read_recordings(tmp_path)
     assert run.n == 300
-    assert run.sample_time == pytest.approx(1e-3)
+    # what a double leaves of seconds since 1970
+    assert run.sample_time == pytest.approx(1e-3, rel=3e-4)
+    assert run.recorded == datetime(2025, 11, 20, 11, 21, 24)
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.95])

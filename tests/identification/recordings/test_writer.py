@@ -81,6 +81,6 @@ def test_a_rig_in_radians_is_written_and_read_back_in_radians(tmp_path):
     for channel in ("u", "v1", "v2"):
         np.testing.assert_allclose(getattr(told, channel), getattr(was, channel), rtol=1e-8, atol=1e-12)
     assert told.quantum == pytest.approx(was.quantum, rel=1e-5)
-    # without the description nobody takes radians for millimetres
-    with pytest.raises(RecordingError, match=r"rad"):
+    # without the description nobody takes newton metres for volts
+    with pytest.raises(RecordingError, match=r"u \[N m\]: the unit must be one of voltage"):
         read_recordings(path)
