@@ -67,13 +67,13 @@ def share_cell(share: Share | None) -> str:
     return "–" if share is None else f"{share.value:.1%} ({share.low:.1%} … {share.high:.1%})"
 
 
-def loop_words(result: Result, units: Units) -> str:
+def loop_words(result: Result, units: Units = LAB) -> str:
     """Say what a loop does: in linear theory, and simulated with friction, counts and limit; figures are the rig's."""
     linear = "" if result.margins is None else f"linearly {'stable' if result.margins.stable else 'unstable'}; "
     return linear + doing(result.nominal.stable, result.swing, units)
 
 
-def doing(bounded: bool, swing: float | None, units: Units) -> str:
+def doing(bounded: bool, swing: float | None, units: Units = LAB) -> str:
     """Say what a simulated loop does after a move, from the swing of a cart that stays.
 
     Parameters

@@ -125,10 +125,9 @@ def test_commands_tell_no_unit_of_the_lab(command, files, tmp_path):
     options = [] if command == "design" else quick
     shown = called(command, str(files["rad"]), *options, "-o", str(tmp_path))
     assert shown.exit_code == 0, shown.output
-    pages = "".join(
-        re.sub(r"(?s)<(style|script|img)[^>]*>.*?(</\\1>)?", "", p.read_text()) for p in tmp_path.glob("*.html")
-    )
-    text = re.sub(r"(?:data:|H4sI)[\w+/=;:,.-]+", "", pages)
+    pages = "".join(p.read_text(encoding="utf-8") for p in tmp_path.glob("*.html"))
+    # without scripts, styles and what is packed in base64
+    text = re.sub(r"(?s)<(style|script)[^>]*>.*?</\1>|[\w+/=]{80,}", "", pages)
     for where in (shown.output, text):
         assert "rad" in where
         assert not re.search(r"\d ?(mm|V)\b(?!/)|\[(mm|V|V/mm|mm/s|V mm)\]", where)
