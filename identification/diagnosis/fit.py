@@ -1,6 +1,7 @@
 """Fits of a drive to all recordings, in the metric of their noise.
 
-Whitened by the innovations of a disturbed drive (:mod:`identification.diagnosis.noise`) a fit minimises prediction errors, which are
+Whitened by the innovations of a disturbed drive (:mod:`identification.diagnosis.noise`) a fit minimises prediction
+errors, which are
 small as soon as the equations of motion hold, so that it finds a drive from far away. Weighted by noise levels alone it minimises
 output errors, which judge long horizons.
 """
@@ -33,9 +34,6 @@ class Metric(Protocol):
 
     def white(self, x: FloatArray) -> FloatArray:
         """Return whitened rows of raw ones, shape (N,) or (N, k)."""
-
-    def residual(self, raw: FloatArray) -> FloatArray:
-        """Return the whitened residual, shape (N,)."""
 
 
 _MASSES = frozenset({"m1", "m2", "k"})
@@ -77,8 +75,8 @@ class Fit:
     @cached_property
     def normal(self) -> Normal:
         """Return the normal equations per unit, of the parameters that do not rest at a bound."""
-        columns = self.metric.white(self.jacobian[:, self.interior])
-        return Normal.of(self.bench.products(np.column_stack([columns, self.metric.residual(self.residual)])))
+        both = np.column_stack([self.jacobian[:, self.interior], self.residual])
+        return Normal.of(self.bench.products(self.metric.white(both)))
 
 
 class Coordinates:
@@ -158,7 +156,7 @@ def fit(
     z, damping = c.of(start), 1e-3
     now = c.to(z, start)
     raw = bench.residual(now)
-    white = metric.residual(raw)
+    white = metric.white(raw)
     cost, fresh = float(white @ white), jacobian is None
     S = _jacobian(bench, c, z, now, raw) if jacobian is None else jacobian * c.rate(z)
     for _ in range(settings.iterations if iterations is None else iterations):
@@ -169,7 +167,7 @@ def fit(
             trial = c.to(new, start)
             if fastest(trial)[0] * PHYSICS_S < _FASTEST:
                 moved = bench.residual(trial)
-                moved_white = metric.residual(moved)
+                moved_white = metric.white(moved)
                 square = float(moved_white @ moved_white)
                 if square < cost:
                     dz = new - z

@@ -57,7 +57,7 @@ class Linear:
     products : ndarray, shape (U, M, M)
         Of whitened columns, per unit.
     residual : ndarray, shape (N,)
-        Whitened, without what the noise adds on average.
+        Whitened.
     """
 
     bench: Bench
@@ -75,7 +75,7 @@ class Linear:
         """Whiten columns and residual."""
         white = noise.white(columns)
         return cls(
-            bench, tuple(entries), tuple(range(base)), columns, white, bench.products(white), noise.residual(residual)
+            bench, tuple(entries), tuple(range(base)), columns, white, bench.products(white), noise.white(residual)
         )
 
     def gradient(self, residual: FloatArray) -> FloatArray:
@@ -93,7 +93,12 @@ class Linear:
         return found
 
     def normal(self, gradient: FloatArray, square: FloatArray, more: Sequence[int] = ()) -> Normal:
-        """Return the normal equations of the base model with some columns, for gradients, shape (U, M), and squares, shape (U,)."""
+        """Return the normal equations of the base model with some columns.
+
+        Parameters
+        ----------
+        gradient, square : ndarray, shapes (U, M) and (U,)
+        """
         use = [*self.base, *more]
         return Normal(self.products[np.ix_(range(len(self.products)), use, use)], gradient[:, use], square)
 
