@@ -21,6 +21,7 @@ from baselines.commands import (
     lab,
     report,
     stability,
+    term,
     train,
     validate,
 )
@@ -39,7 +40,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for _module in (
-    demo, check, identify, validate, stability, experiment, diagnose, design, train, compare, report, lab, blind, benchmark
+    demo, check, identify, validate, stability, experiment, diagnose, design, train, compare, report, term, lab, blind, benchmark
 ):  # fmt: skip
     app.command(cls=Command)(getattr(_module, _module.__name__.rsplit(".", 1)[-1]))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 import resource
 import sys
 import tempfile
@@ -86,7 +87,7 @@ def examine(parcel: Parcel, settings: Settings) -> dict[str, Any]:
     Everything runs on one thread, so that as many hand-ins can be examined at a time as there are cores; the answer does not
     depend on where.
     """
-    row, begin = _Row(), time.perf_counter()
+    row, begin, busy = _Row(), time.perf_counter(), time.process_time()
     try:
         with tempfile.TemporaryDirectory(prefix="flexdrive-") as name:
             _examine(parcel, settings, Path(name), row)
@@ -96,11 +97,14 @@ def examine(parcel: Parcel, settings: Settings) -> dict[str, Any]:
         status, reason = "skipped", _one_line(error)
     cost = {
         "seconds": time.perf_counter() - begin,
+        "cpu_seconds": time.process_time() - busy,
         "steps": row.seconds,
         "peak_mb": _peak_mb(),
         "bytes_in": parcel.size,
     }
-    return {"status": status, "reason": reason, **row.found, "notes": row.notes, "cost": cost}
+    found = {"status": status, "reason": reason, **row.found, "notes": row.notes, "cost": cost}
+    cost["bytes_out"] = len(pickle.dumps(found))
+    return found
 
 
 def _examine(parcel: Parcel, settings: Settings, folder: Path, row: _Row) -> None:

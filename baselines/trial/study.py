@@ -20,10 +20,10 @@ _DECIDES = ("baselines/blind", "identification", "flexdrive_gym")
 PACKED = "outcomes.jsonl.gz"
 
 
-def engine() -> str:
+def engine(packages: Sequence[str] = _DECIDES) -> str:
     """Return a digest of the code that makes and diagnoses: outcomes of different code are not mixed."""
     code = hashlib.sha256()
-    for package in _DECIDES:
+    for package in packages:
         spec = find_spec(package.replace("/", "."))
         assert spec is not None
         assert spec.origin is not None
