@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import t as student
 
-from baselines.term.outliers import ALPHA, predicted, tau_squared
+from baselines.term.outliers import ALPHA, predicted, tau_squared, usable
 
 Parameters = Mapping[str, Mapping[str, Any]]
 ALL_RIGS = "all rigs"
@@ -83,7 +83,7 @@ def changes(terms: Mapping[str, Mapping[str, Parameters]]) -> tuple[Change, ...]
 
 
 def _logs(p: Mapping[str, Any]) -> tuple[float, float, float] | None:
-    if p["value"] <= 0.0 or not math.isfinite(p["log_se"]) or p["log_se"] > 1.0:
+    if not usable(p):
         return None
     return math.log(p["value"]), p["log_se"], p["degrees"]
 

@@ -27,6 +27,8 @@ ALPHA = 0.05
 # others that it takes to say what is usual
 FEWEST = 4
 _LARGEST_TAU = 10.0
+# a parameter without influence on the residuals has no error
+_NO_ERROR = 1e-9
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,11 @@ class Apart:
     p_value: float
 
 
+def usable(estimate: Mapping[str, Any]) -> bool:
+    """Whether an estimate can be compared: known to within a factor of seven, and not without any influence on the fit."""
+    return estimate["value"] > 0.0 and _NO_ERROR < estimate["log_se"] < 1.0
+
+
 def tau_squared(y: np.ndarray, s: np.ndarray) -> float:
     """Return the variance between units by Paule and Mandel."""
 
@@ -96,7 +103,7 @@ def apart(parameters: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> tuple[Ap
         (group, name): (math.log(p["value"]), p["log_se"])
         for group, own in parameters.items()
         for name, p in own.items()
-        if p["value"] > 0.0 and math.isfinite(p["log_se"]) and p["log_se"] < 1.0
+        if usable(p)
     }
     found: list[Apart] = []
     while True:
