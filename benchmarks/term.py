@@ -18,8 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
-from baselines.blind.recordings import as_text, lab_day, write_day
-from baselines.blind.truth import draw_truth
+from baselines.rig_simulator.recordings import as_text, lab_day, write_day
+from baselines.rig_simulator.truth import draw_truth
 
 NOMINAL = {"m1": 7.6e-4, "m2": 3.4e-4, "b1": 9.5e-3, "b2": 3.2e-3, "k": 0.096, "d1": 0.36, "d2": 0.25}
 SPREAD = {"m": 0.02, "k": 0.02, "b": 0.05, "d": 0.08}
@@ -128,7 +128,7 @@ def main() -> None:
         print(f"made {given.groups} hand-ins in {time.perf_counter() - begin:.0f} s")
     if given.no_run:
         return
-    command = [sys.executable, "-m", "baselines.commands", "term", str(hand_ins), "-o", str(given.output / "out"), "--plan", "60", *more]
+    command = [sys.executable, "-m", "baselines.cli", "term", str(hand_ins), "-o", str(given.output / "out"), "--plan", "60", *more]
     begin = time.perf_counter()
     subprocess.run(command, check=True)
     print(f"took {time.perf_counter() - begin:.0f} s")

@@ -25,7 +25,7 @@ from flexdrive_gym import Drive
 from flexdrive_gym.recording import FloatArray, Recording
 from identification.descent import Descent
 from identification.likelihood import usable
-from identification.output_error import prepare
+from identification.replay.output_error import prepare
 
 _PIECE_S = 1.0
 # a friction that rests at zero has no logarithm [of the largest of its kind]

@@ -10,11 +10,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from baselines.execution import Backend, workers
+from baselines.evaluation.parallel import Backend, code_digest, workers
 from baselines.term.examine import Settings, examine
 from baselines.term.groups import Group, Parcel, parcel
 from baselines.term.unpack import HandInError
-from baselines.trial.study import engine
 from flexdrive_gym.files import write_atomically
 
 _DECIDES = ("flexdrive_gym", "identification", "baselines.term")
@@ -60,7 +59,7 @@ def examine_all(
     ValueError
         If the workers cannot be reached; nothing is examined then.
     """
-    code = engine(_DECIDES)
+    code = code_digest(_DECIDES)
     with workers(backend, jobs, scheduler) as run:
         parcels: dict[str, tuple[str, Parcel]] = {}
         keys: list[str] = []
