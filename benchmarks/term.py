@@ -33,6 +33,7 @@ def make_term(folder: Path, groups: int, seed: int) -> dict:
     rng = np.random.default_rng([seed, 32])
     stiff, swapped, copied, broken, conceals = 3, 4, 5, 6, 2
     truth: dict = {"groups": {}, "expected": {}}
+    first = ()
     for n in range(1, groups + 1):
         name, home = f"group {n}", folder / f"group {n}"
         drive = {k: v * float(np.exp(SPREAD[k[0]] * rng.standard_normal())) for k, v in NOMINAL.items()}
@@ -48,15 +49,17 @@ def make_term(folder: Path, groups: int, seed: int) -> dict:
             truth["expected"][name] = ["sign", "encoder_2"]
         if n == copied:
             # under other names, as text, in a folder of their own
-            logs = earlier
+            logs = first
             truth["expected"][name] = ["copy", "group 1"]
         for log in logs if n == copied else ():
             home.mkdir(parents=True, exist_ok=True)
-            (home / f"our_{log.experiment.kind}_{log.experiment.frequency:g}_{len(list(home.iterdir()))}.csv").write_text(as_text(log))
+            (
+                home / f"our_{log.experiment.kind}_{log.experiment.frequency:g}_{len(list(home.iterdir()))}.csv"
+            ).write_text(as_text(log))
         if n != copied:
             write_day(day, logs, home / ("lab day" if n % 3 == 1 else ""))
         if n == 1:
-            earlier = logs
+            first = logs
         if n == broken or n % 4 == 0:
             _zip(home, cut=n == broken, nested=n % 8 == 0)
         if n == broken:
@@ -101,7 +104,9 @@ def compared(found: dict, truth: dict) -> tuple[list[str], bool]:
             + (f", true {_true_rig_spread(truth, s['parameter']):.3f}" if s["between"] == "rigs" else "")
         )
     named = {g["name"]: [f["id"] for f in g["findings"]] for g in found["groups"] if g["findings"]}
-    lines.append(f"named: {named}; concealed: { {n: g['effect'][0] for n, g in truth['groups'].items() if g['effect']} }")
+    lines.append(
+        f"named: {named}; concealed: { {n: g['effect'][0] for n, g in truth['groups'].items() if g['effect']} }"
+    )
     return lines, stood == wanted
 
 
@@ -128,7 +133,18 @@ def main() -> None:
         print(f"made {given.groups} hand-ins in {time.perf_counter() - begin:.0f} s")
     if given.no_run:
         return
-    command = [sys.executable, "-m", "baselines.cli", "term", str(hand_ins), "-o", str(given.output / "out"), "--plan", "60", *more]
+    command = [
+        sys.executable,
+        "-m",
+        "baselines.cli",
+        "term",
+        str(hand_ins),
+        "-o",
+        str(given.output / "out"),
+        "--plan",
+        "60",
+        *more,
+    ]
     begin = time.perf_counter()
     subprocess.run(command, check=True)
     print(f"took {time.perf_counter() - begin:.0f} s")

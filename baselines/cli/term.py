@@ -33,7 +33,7 @@ def term(
             exists=True,
             file_okay=False,
             metavar="FOLDER...",
-            help="A subfolder or zip archive for each group or rig. Several folders, or a folder of them, are terms side by side.",
+            help="A subfolder or zip archive for each group or rig. Several folders, or one that holds them, are terms.",
         ),
     ],
     output: Annotated[
@@ -41,7 +41,10 @@ def term(
     ] = Path("term"),
     terms: Annotated[
         bool | None,
-        typer.Option("--terms/--groups", help="The one folder holds terms, or groups; default: terms if all are named with a year."),
+        typer.Option(
+            "--terms/--groups",
+            help="The one folder holds terms, or groups; default: terms if all are named with a year.",
+        ),
     ] = None,
     diagnose: Annotated[
         bool, typer.Option("--diagnose/--no-diagnose", help="Also name the physics that each rig's model lacks.")
@@ -65,7 +68,9 @@ def term(
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, tcp://HOST:PORT.")] = None,
     plan: Annotated[
         int | None,
-        typer.Option(min=1, max=100_000, metavar="GROUPS", help="Also print what so many groups would cost, from what these did."),
+        typer.Option(
+            min=1, max=100_000, metavar="GROUPS", help="Also print what so many groups would cost, from what these did."
+        ),
     ] = None,
     recordings: Annotated[int, typer.Option(min=1, max=10_000, help="Recordings of a group, for the plan.")] = 20,
     rig: RigFile = None,
@@ -96,12 +101,12 @@ def term(
         def told(done: int, of: int, name: str) -> None:
             bar.update(task, completed=done, total=of, description=name or "examining groups")
 
-        rows = examine_all(
-            groups, output, settings, backend=backend.value, jobs=jobs, scheduler=scheduler, told=told
-        )
+        rows = examine_all(groups, output, settings, backend=backend.value, jobs=jobs, scheduler=scheduler, told=told)
         bar.update(task, description="comparing")
         found = summarise(groups, rows, notes)
-        title = " and ".join(t.replace("_", " ") for t in found.terms if t) or folders[0].resolve().name.replace("_", " ")
+        title = " and ".join(t.replace("_", " ") for t in found.terms if t) or folders[0].resolve().name.replace(
+            "_", " "
+        )
         page = write_atomically(output / "term.html", build_term_page(found, title=f"{title}: a term at a glance"))
         content = found.as_json()
         write_atomically(output / "term.json", encoder.dumps(content, ensure_ascii=False, indent=1) + "\n")
@@ -166,9 +171,9 @@ def print_plan(planned: dict[str, object]) -> None:
     """Print what a term would cost."""
     cost: dict[str, float] = planned["measured"]  # type: ignore[assignment]
     say(
-        f"measured on {cost['groups']:g} groups of {cost['recordings']:g} recordings in all: {cost['seconds']:.3g} s of one core a "
-        f"recording (at most {cost['most_seconds']:.3g}), {cost['peak_mb']:.0f} MB a worker, {1e3 * cost['mb_in']:.3g} kB there and "
-        f"{1e3 * cost['mb_out']:.3g} kB back"
+        f"measured on {cost['groups']:g} groups of {cost['recordings']:g} recordings in all: {cost['seconds']:.3g} s of one "
+        f"core a recording (at most {cost['most_seconds']:.3g}), {cost['peak_mb']:.0f} MB a worker, "
+        f"{1e3 * cost['mb_in']:.3g} kB there and {1e3 * cost['mb_out']:.3g} kB back"
     )
     rows: list[dict[str, float]] = planned["workers"]  # type: ignore[assignment]
     table(

@@ -21,6 +21,7 @@ _BETWEEN = {
     "run": "between runs of a session",
 }
 Row = Mapping[str, Any]
+_SHORT = 24
 
 
 def build_term_page(term: Term, *, title: str) -> str:
@@ -75,7 +76,10 @@ def _sentences(term: Term) -> list[str]:
 def _outliers(term: Term) -> Section:
     section = Section("Who stands out", "outliers")
     if term.outliers:
-        section.table(("group", "what", "why"), [(o.group, _KINDS[o.kind], o.sentence) for o in term.outliers])
+        section.table(
+            ("group", "what", "why"),
+            [(o.group.replace(" ", "\u00a0"), _KINDS[o.kind], o.sentence) for o in term.outliers],
+        )
         section.text(
             "A parameter stands out where the others, with the spread that rigs have, predict another value: 5 % over all "
             "groups and parameters together."
@@ -86,7 +90,15 @@ def _outliers(term: Term) -> Section:
 def _groups(term: Term) -> Section:
     section = Section("Groups", "groups")
     diagnosed = any("verdict" in r for r in term.rows)
-    columns = ["group", "recordings", "says", *(["left out of the model"] if diagnosed else []), "faults", "gain from x2", "on the rig"]
+    columns = [
+        "group",
+        "recordings",
+        "says",
+        *(["left out of the model"] if diagnosed else []),
+        "faults",
+        f"gain from x2 [{_gain_unit(term)}]",
+        "on the rig",
+    ]
     section.table(columns, [_group(g, r, diagnosed) for g, r in zip(term.groups, term.rows, strict=True)])
     return section
 
@@ -94,19 +106,42 @@ def _groups(term: Term) -> Section:
 def _group(group: Group, row: Row, diagnosed: bool) -> tuple[str, ...]:
     if row["status"] != "ok":
         rest = ("",) * (4 if diagnosed else 3)
-        return (group.label, str(row.get("recordings", "")), f"not examined: {row['reason']}", *rest)
+        return (_label(group), str(row.get("recordings", "")), f"not examined: {row['reason']}", *rest)
     verdict = [_named(row)] if diagnosed else []
     faulty = len({f["recording"] for f in row["faults"]})
     predicted = row["critical_gain"]["predicted"].get("critical_gain_x2_trajectory")
     return (
-        group.label,
+        _label(group),
         str(row["recordings"]),
-        row.get("line", "identified"),
+        _readiness(row),
         *verdict,
         f"in {faulty} recordings" if faulty else "none",
         _estimate(predicted),
         _reached(row),
     )
+
+
+def _gain_unit(term: Term) -> str:
+    gains = [p for _, r in term.usable for p in r["critical_gain"]["predicted"].values()]
+    return next((p["unit"] for p in gains), "V/mm")
+
+
+def _readiness(row: Row) -> str:
+    """Return in a few words whether the recordings suffice; a finished check says more."""
+    line: str = row.get("line", "identified")
+    ready, _, rest = line.partition(": ")
+    return (
+        f"ready; {rest.split('; ')[-1]}"
+        if ready == "ready" and "not determined" in rest
+        else ready
+        if ready == "ready"
+        else line
+    )
+
+
+def _label(group: Group) -> str:
+    """Return a group's name that stays on one line where it is short."""
+    return group.label.replace(" ", "\u00a0") if len(group.label) <= _SHORT else group.label
 
 
 def _named(row: Row) -> str:
@@ -128,7 +163,9 @@ def _estimate(found: Mapping[str, Any] | None) -> str:
 
 def _reached(row: Row) -> str:
     reached = row["critical_gain"]["reached"]
-    parts = [f"{reached[key]:.4g} {said}" for key, said in (("holds", "held"), ("grows", "grew")) if reached[key] is not None]
+    parts = [
+        f"{reached[key]:.4g} {said}" for key, said in (("holds", "held"), ("grows", "grew")) if reached[key] is not None
+    ]
     return ", ".join(parts) or "–"
 
 
@@ -144,7 +181,7 @@ def _parameters(term: Term) -> Section:
     units = {n: next(r["parameters"][n]["unit"] for _, r in term.usable if n in r["parameters"]) for n in names}
     section.table(
         ("group", *(f"{n} [{units[n]}]" for n in names)),
-        [(g.label, *(_estimate(r["parameters"].get(n)) for n in names)) for g, r in term.usable],
+        [(_label(g), *(_estimate(r["parameters"].get(n)) for n in names)) for g, r in term.usable],
         folded="Values",
     )
     return section
@@ -194,7 +231,7 @@ def _changes(term: Term) -> Section:
 
 def _findings(term: Term) -> Section:
     section = Section("Findings", "findings", folded=True)
-    rows = [(g.label, f["statement"]) for g, r in term.usable for f in r.get("findings", ())]
+    rows = [(_label(g), f["statement"]) for g, r in term.usable for f in r.get("findings", ())]
     if rows:
         section.table(("group", "finding"), rows)
     return section
@@ -208,7 +245,9 @@ def _faults(term: Term) -> Section:
         for f in r.get("faults", ()):
             kinds.setdefault((f["where"], f["id"]), []).append(f["recording"])
         for (where, fault), names in kinds.items():
-            rows.append((g.label, where.replace("_", " "), fault.replace("_", " "), listed(list(dict.fromkeys(names)))))
+            rows.append(
+                (_label(g), where.replace("_", " "), fault.replace("_", " "), listed(list(dict.fromkeys(names))))
+            )
     if rows:
         section.table(("group", "where", "fault", "recordings"), rows)
     return section
@@ -217,7 +256,7 @@ def _faults(term: Term) -> Section:
 def _remarks(term: Term) -> Section:
     section = Section("Files left out, and remarks", "remarks", folded=True)
     rows = [
-        (g.label, text)
+        (_label(g), text)
         for g, r in zip(term.groups, term.rows, strict=True)
         for text in (
             *(f"{s['file']}: {s['reason']}" for s in r.get("skipped", ())),
@@ -238,8 +277,8 @@ def _costs(term: Term) -> Section:
         costs = measured(term.rows)
         slowest: Sequence[tuple[str, float]] = sorted(costs.steps.items(), key=lambda item: -item[1])
         section.text(
-            f"{costs.seconds:.2g} s of one core a recording (at most {costs.most_seconds:.2g} s), {costs.peak_mb:.0f} MB a worker, "
-            f"{1e3 * costs.mb_in:.0f} kB to a worker and {1e3 * costs.mb_out:.1f} kB back for a recording. Time: "
+            f"{costs.seconds:.2g} s of one core a recording (at most {costs.most_seconds:.2g} s), {costs.peak_mb:.0f} MB a "
+            f"worker, {1e3 * costs.mb_in:.0f} kB to a worker and {1e3 * costs.mb_out:.1f} kB back for a recording. Time: "
             f"{', '.join(f'{name} {share:.0%}' for name, share in slowest)}."
         )
     return section

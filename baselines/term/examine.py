@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
+from baselines.lab.uncertainty import predict
 from baselines.loop_analysis.stability_limit import observed_limit
 from baselines.term.copies import fingerprint
 from baselines.term.evidence import run_evidence
 from baselines.term.groups import Parcel, rig_file
-from baselines.lab.uncertainty import predict
 from flexdrive_gym import Drive, Recording
 from flexdrive_gym.drive.parameters import parameter
 from flexdrive_gym.drive.toml import dumps

@@ -191,7 +191,8 @@ def _members(root: Path) -> list[Path]:
 def _look_like_terms(root: Path) -> bool:
     inside = [p for p in _members(root) if p.is_dir()]
     return bool(inside) and all(
-        _YEAR.search(p.name) and not any(q.is_file() and extension(q) in EXTENSIONS for q in p.iterdir()) for p in inside
+        _YEAR.search(p.name) and not any(q.is_file() and extension(q) in EXTENSIONS for q in p.iterdir())
+        for p in inside
     )
 
 

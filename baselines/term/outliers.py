@@ -1,4 +1,4 @@
-r"""Who stands out: a rig whose parameters differ from the others', a wrong sign, an encoder that fails, recordings of another group.
+r"""Who stands out: a rig unlike the others, a wrong sign, an encoder that fails, recordings of another group.
 
 A group's logarithm :math:`y_i` with standard error :math:`s_i` is compared with what the others predict: their mean with weights
 :math:`1/(s_j^2 + \tau^2)`, where the variance between rigs :math:`\tau^2` makes Cochran's Q its expectation (R. Paule, J. Mandel,
@@ -7,8 +7,8 @@ J. Res. NBS 87, 1982),
 .. math:: z_i = \frac{y_i - \mu_{-i}}{\sqrt{s_i^2 + \tau_{-i}^2 + \operatorname{var}(\mu_{-i})}},
 
 Student's t with as many degrees of freedom as there are others, less one. The most unlikely one is taken out and the rest judged
-anew, so that a second one is not hidden by the first (B. Rosner, Technometrics 25, 1983). p-values are multiplied by the number of
-comparisons that are left (Holm).
+anew, so that a second one is not hidden by the first (B. Rosner, Technometrics 25, 1983). p-values are multiplied by the number
+of comparisons that are left (Holm).
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from typing import Any, Literal
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.stats import fisher_exact, t as student
+from scipy.stats import fisher_exact
+from scipy.stats import t as student
 
 Kind = Literal["parameter", "sign", "encoder", "copy"]
 ALPHA = 0.05
@@ -69,7 +70,7 @@ class Apart:
 
 def usable(estimate: Mapping[str, Any]) -> bool:
     """Whether an estimate can be compared: known to within a factor of seven, and not without any influence on the fit."""
-    return estimate["value"] > 0.0 and _NO_ERROR < estimate["log_se"] < 1.0
+    return bool(estimate["value"] > 0.0 and _NO_ERROR < estimate["log_se"] < 1.0)
 
 
 def tau_squared(y: np.ndarray, s: np.ndarray) -> float:
@@ -158,7 +159,10 @@ def failing_encoders(faulty: Mapping[str, Mapping[str, tuple[int, int]]]) -> lis
             if bad < 2 or not rest:
                 continue
             others, of = sum(b for b, _ in rest), sum(m for _, m in rest)
-            p = float(fisher_exact([[bad, n - bad], [others, of - others]], alternative="greater").pvalue) * tests
+            p = (
+                float(fisher_exact(np.array([[bad, n - bad], [others, of - others]]), alternative="greater").pvalue)
+                * tests
+            )
             if p < ALPHA:
                 found.append((group, where, bad, n, min(1.0, p)))
     return found

@@ -119,7 +119,7 @@ def random_effects(names: Sequence[str], rigs: Sequence[Rig]) -> tuple[Spread, .
     # a level with one unit in each of the next cannot be told from that
     levels = [level for level in LEVELS if counts[level] > above[level]]
 
-    def likelihood(x: FloatArray) -> float:
+    def likelihood(x: np.ndarray) -> float:
         own = dict.fromkeys(LEVELS, np.zeros(p)) | {
             level: np.exp(x[k * p : (k + 1) * p]) for k, level in enumerate(levels)
         }
@@ -131,9 +131,12 @@ def random_effects(names: Sequence[str], rigs: Sequence[Rig]) -> tuple[Spread, .
         mean = np.linalg.solve(whole, top.h[0])
         return float(top.constant + 0.5 * top.h[0] @ mean - 0.5 * np.linalg.slogdet(whole)[1])
 
-    bounds = (np.log(_LEAST), np.log(_MOST))
+    def loss(x: np.ndarray) -> float:
+        return -likelihood(x)
+
+    bounds = (float(np.log(_LEAST)), float(np.log(_MOST)))
     found = minimize(
-        lambda x: -likelihood(x),
+        loss,
         np.full(len(levels) * p, np.log(_START)),
         method="L-BFGS-B",
         bounds=[bounds] * (len(levels) * p),
@@ -161,7 +164,9 @@ def _interval(likelihood: Callable[[FloatArray], float], best: FloatArray, at: i
     return lower, upper
 
 
-def gathered(rows: Sequence[tuple[str, str, Sequence[str], Sequence[RunEvidence]]]) -> tuple[tuple[str, ...], list[Rig]]:
+def gathered(
+    rows: Sequence[tuple[str, str, Sequence[str], Sequence[RunEvidence]]],
+) -> tuple[tuple[str, ...], list[Rig]]:
     """Return parameters and rigs from rows of rig, term, parameters and evidence; a rig may have been there in several terms.
 
     A parameter that a row knows nothing of (a friction at zero) has no information there.

@@ -128,10 +128,8 @@ def _copies(equal: Sequence[Equal]) -> list[Outlier]:
     for e in equal:
         names = listed([a if a == b else f"{b} ({a} there)" for a, b, _ in e.pairs])
         least = min(share for _, _, share in e.pairs)
-        found.append(
-            Outlier(e.second, "copy", e.first, None,
-                    f"{len(e.pairs)} recordings equal those of {e.first}, {in_words(least)}: {names}; left out of the comparisons")
-        )  # fmt: skip
+        text = f"{len(e.pairs)} recordings equal those of {e.first}, {in_words(least)}: {names}; left out of the comparisons"
+        found.append(Outlier(e.second, "copy", e.first, None, text))
     return found
 
 

@@ -113,7 +113,9 @@ def unpack(archive: Path, target: Path, budget: Budget, depth: int = 1) -> list[
     except HandInError:
         raise
     except RuntimeError as error:  # zipfile's word for a password
-        raise HandInError(f"archive: must not be encrypted; got {_short(error)}. Hand it in without a password.") from error
+        raise HandInError(
+            f"archive: must not be encrypted; got {_short(error)}. Hand it in without a password."
+        ) from error
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, OSError, ValueError) as error:
         raise HandInError(
             f"archive: must be a complete zip archive; got {_short(error)}. Make it again, or hand in the folder."
