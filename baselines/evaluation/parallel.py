@@ -26,13 +26,14 @@ class Run(Protocol):
 
 
 def code_digest(packages: Sequence[str]) -> str:
-    """Return a digest of the code of packages, under which their results are kept: those of other code are made again."""
+    """Return a digest of the code of packages and modules, under which results are kept: those of other code are made again."""
     code = hashlib.sha256()
     for package in packages:
         spec = find_spec(package)
         assert spec is not None
         assert spec.origin is not None
-        for path in sorted(Path(spec.origin).parent.rglob("*.py")):
+        file = Path(spec.origin)
+        for path in sorted(file.parent.rglob("*.py")) if file.name == "__init__.py" else [file]:
             code.update(path.read_bytes())
     return code.hexdigest()[:12]
 

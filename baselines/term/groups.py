@@ -14,6 +14,7 @@ from baselines.term.unpack import MOST_BYTES, RIG_FILE, Budget, HandInError, is_
 from identification.recordings.files import EXTENSIONS, extension
 
 _YEAR = re.compile(r"(?<!\d)(?:19|20)\d\d(?!\d)")
+_SEASONS = (("winter",), ("spring",), ("summer",), ("fall", "autumn"))
 
 
 @dataclass(frozen=True)
@@ -146,7 +147,7 @@ def find_groups(folders: Sequence[Path], terms: bool | None = None) -> tuple[tup
     roots = list(folders)
     several = len(roots) > 1
     if not several and (terms or (terms is None and _look_like_terms(roots[0]))):
-        roots, several = [p for p in _members(roots[0]) if p.is_dir()], True
+        roots, several = sorted((p for p in _members(roots[0]) if p.is_dir()), key=_time), True
     names = [root.resolve().name for root in roots]
     names = [
         name if names.count(name) == 1 else "/".join(root.resolve().parts[-2:])
@@ -194,6 +195,13 @@ def _look_like_terms(root: Path) -> bool:
         _YEAR.search(p.name) and not any(q.is_file() and extension(q) in EXTENSIONS for q in p.iterdir())
         for p in inside
     )
+
+
+def _time(term: Path) -> tuple[int, int]:
+    """Return when a term was, by the year and the season in its name."""
+    year = _YEAR.search(term.name)
+    season = next((k for k, names in enumerate(_SEASONS) if any(n in term.name.lower() for n in names)), len(_SEASONS))
+    return (int(year[0]) if year else 0), season
 
 
 def rig_file(folder: Path) -> Path | None:

@@ -16,7 +16,15 @@ from baselines.term.groups import Group, Parcel, parcel
 from baselines.term.unpack import HandInError
 from flexdrive_gym.files import write_atomically
 
-_DECIDES = ("flexdrive_gym", "identification", "baselines.term")
+# what a row is made by; comparisons are made anew every time
+_MAKERS = ("examine", "evidence", "copies", "groups", "unpack")
+_DECIDES = (
+    "flexdrive_gym",
+    "identification",
+    "baselines.lab.uncertainty",
+    "baselines.loop_analysis.stability_limit",
+    *(f"baselines.term.{module}" for module in _MAKERS),
+)
 Row = Mapping[str, Any]
 Told = Callable[[int, int, str], None]
 
