@@ -6,10 +6,10 @@ J. Res. NBS 87, 1982),
 
 .. math:: z_i = \frac{y_i - \mu_{-i}}{\sqrt{s_i^2 + \tau_{-i}^2 + \operatorname{var}(\mu_{-i})}},
 
-Student's t with as many degrees of freedom as there are others, less one. Two that are alike hide each other, so the most unlikely
-group of a parameter is taken out, then the most unlikely of the rest, up to a third of all; those taken out up to the last one
-that is significant stand out (B. Rosner, Technometrics 25, 1983), each judged by the groups that do not. p-values are multiplied
-by the number of groups and parameters.
+Student's t with as many degrees of freedom as there are others, less one. Two that are alike hide each other, so the most
+unlikely group of a parameter is taken out, then the most unlikely of the rest, up to a third of all; those taken out up to the
+last one that is significant stand out (B. Rosner, Technometrics 25, 1983), each judged by the groups that do not. p-values are
+multiplied by the number of groups and parameters.
 """
 
 from __future__ import annotations
@@ -121,7 +121,9 @@ def _strange(own: Mapping[str, tuple[float, float]], alpha: float) -> list[str]:
     """Return the groups that stand out in one parameter, by generalised extreme studentised deviates."""
     left, taken, last = dict(own), [], 0
     while len(left) > FEWEST and len(taken) < len(own) // 3:
-        p = {g: _judged(g, "", v, {o: w for o, w in left.items() if o != g}, len(left)).p_value for g, v in left.items()}
+        p = {
+            g: _judged(g, "", v, {o: w for o, w in left.items() if o != g}, len(left)).p_value for g, v in left.items()
+        }
         taken.append(min(p, key=lambda g: p[g]))
         last = len(taken) if p[taken[-1]] < alpha else last
         del left[taken[-1]]

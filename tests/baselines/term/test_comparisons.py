@@ -42,7 +42,9 @@ def test_a_copy_is_found_cut_turned_and_renamed_and_a_replicate_is_none():
 
 def test_half_of_a_recording_is_told_as_half():
     other = recorded(2)
-    mixed = replace(other, v1=np.r_[recorded(1).v1[:2000], other.v1[2000:]], v2=np.r_[recorded(1).v2[:2000], other.v2[2000:]])
+    mixed = replace(
+        other, v1=np.r_[recorded(1).v1[:2000], other.v1[2000:]], v2=np.r_[recorded(1).v2[:2000], other.v2[2000:]]
+    )
     (found,) = equal_recordings({"A": {"a": fingerprint(recorded(1))}, "B": {"b": fingerprint(mixed)}})
     assert found.pairs[0][2] == pytest.approx(0.5, abs=0.15)
 
