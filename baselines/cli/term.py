@@ -122,12 +122,15 @@ def term(
 
 
 def _write_drives(found: Term, output: Path) -> int:
-    """Write every group's drive, the diagnosed one where there is one, for the other commands."""
+    """Write every group's drive, the diagnosed one where there is one, for the other commands, and its diagnosis."""
     from flexdrive_gym.files import write_atomically  # noqa: PLC0415
 
     for group, row in found.usable:
         name = "_".join(part.replace("/", "_") for part in (group.term, group.name) if part)
         write_atomically(output / "drives" / f"{name}.toml", row.get("diagnosed", row["drive"]))
+        if "diagnosis" in row:
+            told = encoder.dumps({**row["diagnosis"], "drive": f"../drives/{name}.toml"}, ensure_ascii=False, indent=1)
+            write_atomically(output / "diagnoses" / f"{name}.json", told + "\n")
     return len(found.usable)
 
 
@@ -149,7 +152,7 @@ def print_term(found: Term) -> None:
             [
                 g.label,
                 str(r["recordings"]),
-                ", ".join(f["id"] for f in r.get("findings", ())) or r.get("verdict", "not asked").replace("_", " "),
+                ", ".join(f["id"] for f in r.get("findings", ())) or r.get("verdict", "–").replace("_", " "),
                 *(number(r["parameters"].get(n, {}).get("value"), 3) for n in names),
             ]
             for g, r in found.usable

@@ -14,7 +14,13 @@ from baselines.term.plan import measured
 from baselines.term.summary import Term
 from flexdrive_gym import __version__
 
-_KINDS = {"copy": "equal recordings", "sign": "wrong sign", "encoder": "failing encoder", "parameter": "parameter"}
+_KINDS = {
+    "copy": "equal recordings",
+    "sign": "wrong sign",
+    "encoder": "failing encoder",
+    "parameter": "parameter",
+    "fit": "fit",
+}
 _BETWEEN = {
     "rig": "between rigs",
     "session": "between sessions of a rig",

@@ -88,6 +88,7 @@ def examine(parcel: Parcel, settings: Settings) -> dict[str, Any]:
     depend on where.
     """
     row, begin, busy = _Row(), time.perf_counter(), time.process_time()
+    passing = False
     try:
         with tempfile.TemporaryDirectory(prefix="flexdrive-") as name:
             _examine(parcel, settings, Path(name), row)
@@ -95,6 +96,8 @@ def examine(parcel: Parcel, settings: Settings) -> dict[str, Any]:
     # whatever is wrong with one group must not stop the others
     except Exception as error:  # noqa: BLE001
         status, reason = "skipped", _one_line(error)
+        # nothing that the hand-in can do about it: it is examined again next time
+        passing = isinstance(error, MemoryError | OSError)
     cost = {
         "seconds": time.perf_counter() - begin,
         "cpu_seconds": time.process_time() - busy,
@@ -102,7 +105,7 @@ def examine(parcel: Parcel, settings: Settings) -> dict[str, Any]:
         "peak_mb": _peak_mb(),
         "bytes_in": parcel.size,
     }
-    found = {"status": status, "reason": reason, **row.found, "notes": row.notes, "cost": cost}
+    found = {"status": status, "reason": reason, **row.found, "notes": row.notes, "cost": cost, "passing": passing}
     cost["bytes_out"] = len(pickle.dumps(found))
     return found
 

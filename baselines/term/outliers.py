@@ -24,7 +24,9 @@ from scipy.optimize import brentq
 from scipy.stats import fisher_exact
 from scipy.stats import t as student
 
-Kind = Literal["parameter", "sign", "encoder", "copy"]
+Kind = Literal["parameter", "fit", "sign", "encoder", "copy"]
+# stands for the error of the fit among parameters
+FIT = "rms"
 ALPHA = 0.05
 # others that it takes to say what is usual
 FEWEST = 4
@@ -42,7 +44,7 @@ class Outlier:
     group
         Label.
     kind
-        ``parameter``, ``sign``, ``encoder`` or ``copy``.
+        ``parameter``, ``fit``, ``sign``, ``encoder`` or ``copy``.
     what
         Parameter, place, or the other group.
     p_value
@@ -182,6 +184,11 @@ def failing_encoders(faulty: Mapping[str, Mapping[str, tuple[int, int]]]) -> lis
 
 def in_words(found: Apart) -> str:
     """Say how far a rig's parameter is from the others'."""
+    if found.parameter == FIT:
+        return (
+            f"the base model errs by {found.ratio:.1f} [{found.ci95[0]:.1f}, {found.ci95[1]:.1f}] times as much as on the other rigs "
+            f"(p = {found.p_value:.1g}): look at its recordings, and at what the diagnosis names"
+        )
     low, high = sorted(100.0 * (x - 1.0) for x in found.ci95)
     change = 100.0 * (found.ratio - 1.0)
     side = "above" if change > 0.0 else "below"

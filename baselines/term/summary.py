@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -12,12 +12,14 @@ from baselines.term.changes import Change, changes
 from baselines.term.copies import Equal, equal_recordings, in_words
 from baselines.term.evidence import RunEvidence
 from baselines.term.groups import Group
-from baselines.term.outliers import Outlier, apart, failing_encoders, listed
+from baselines.term.outliers import FIT, Outlier, apart, failing_encoders, listed
 from baselines.term.outliers import in_words as apart_in_words
 from baselines.term.random_effects import Spread, as_json, gathered, random_effects
 from baselines.term.study import Row, clean
 
 SCHEMA = 1
+# of the rms residual's logarithm: runs err alike for a while, so it is known to some per cent
+_FIT_ERROR = 0.05
 # of a row, what term.json tells
 _TOLD = ("status", "reason", "recordings", "sessions", "units", "carts", "ready", "line", "parameters", "rms", "verdict",
          "findings", "unnamed", "faults", "signs", "critical_gain", "skipped", "notes", "cost")  # fmt: skip
@@ -93,12 +95,12 @@ def summarise(groups: Sequence[Group], rows: Sequence[Row], notes: Iterable[str]
     said = list(notes)
     pairs = list(zip(groups, rows, strict=True))
     equal = equal_recordings({g.label: r["fingerprints"] for g, r in pairs if "fingerprints" in r})
-    copied = {e.second for e in equal}
+    copied = _copiers(equal, pairs)
     known = [(g, r) for g, r in pairs if r["status"] == "ok"]
     own = [(g, r) for g, r in known if g.label not in copied]
     alike, why = _alike(own)
     said += why
-    outliers = [*_copies(equal), *_signs(pairs), *_encoders(own), *_apart(alike)]
+    outliers = [*_copies(equal, copied), *_signs(pairs), *_encoders(own), *_apart(alike)]
     if 0 < len(alike) < 5:
         said.append(f"with {len(alike)} groups to compare nothing can be called unusual; it takes five")
     return Term(
@@ -123,12 +125,19 @@ def _alike(rows: Sequence[tuple[Group, Row]]) -> tuple[list[tuple[Group, Row]], 
     return chosen, [f"{listed(others)} measure in other units or have another number of carts and are not compared"]
 
 
-def _copies(equal: Sequence[Equal]) -> list[Outlier]:
+def _copiers(equal: Sequence[Equal], rows: Sequence[tuple[Group, Row]]) -> set[str]:
+    """Return the groups most of whose recordings another one has as well: as a rig they count once."""
+    counts = {g.label: r["recordings"] for g, r in rows if "recordings" in r}
+    return {e.second for e in equal if 2 * len({b for _, b, _ in e.pairs}) > counts[e.second]}
+
+
+def _copies(equal: Sequence[Equal], copied: Collection[str]) -> list[Outlier]:
     found = []
     for e in equal:
         names = listed([a if a == b else f"{b} ({a} there)" for a, b, _ in e.pairs])
         least = min(share for _, _, share in e.pairs)
-        text = f"{len(e.pairs)} recordings equal those of {e.first}, {in_words(least)}: {names}; left out of the comparisons"
+        text = f"{len(e.pairs)} recordings equal those of {e.first}, {in_words(least)}: {names}"
+        text += "; left out of the comparisons" if e.second in copied else ""
         found.append(Outlier(e.second, "copy", e.first, None, text))
     return found
 
@@ -158,9 +167,11 @@ def _encoders(rows: Sequence[tuple[Group, Row]]) -> list[Outlier]:
 
 
 def _apart(rows: Sequence[tuple[Group, Row]]) -> list[Outlier]:
+    table = {g.label: {**_finite(r["parameters"]), FIT: {"value": r["rms"], "log_se": _FIT_ERROR}} for g, r in rows}
     return [
-        Outlier(a.group, "parameter", a.parameter, a.p_value, apart_in_words(a))
-        for a in apart({g.label: _finite(r["parameters"]) for g, r in rows})
+        Outlier(a.group, "fit" if a.parameter == FIT else "parameter", a.parameter, a.p_value, apart_in_words(a))
+        for a in apart(table)
+        if a.parameter != FIT or a.ratio > 1.0  # nobody complains of a model that fits too well
     ]
 
 
