@@ -186,8 +186,8 @@ def in_words(found: Apart) -> str:
     """Say how far a rig's parameter is from the others'."""
     if found.parameter == FIT:
         return (
-            f"the base model errs by {found.ratio:.1f} [{found.ci95[0]:.1f}, {found.ci95[1]:.1f}] times as much as on the other rigs "
-            f"(p = {found.p_value:.1g}): look at its recordings, and at what the diagnosis names"
+            f"the base model errs {found.ratio:.1f} [{found.ci95[0]:.1f}, {found.ci95[1]:.1f}] times as much as on the other "
+            f"rigs (p = {found.p_value:.1g}): look at its recordings, and at what the diagnosis names"
         )
     low, high = sorted(100.0 * (x - 1.0) for x in found.ci95)
     change = 100.0 * (found.ratio - 1.0)
