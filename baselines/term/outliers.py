@@ -121,7 +121,8 @@ def apart(parameters: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> tuple[Ap
 
 def _strange(own: Mapping[str, tuple[float, float]], alpha: float) -> list[str]:
     """Return the groups that stand out in one parameter, by generalised extreme studentised deviates."""
-    left, taken, last = dict(own), [], 0
+    left, last = dict(own), 0
+    taken: list[str] = []
     while len(left) > FEWEST and len(taken) < len(own) // 3:
         p = {
             g: _judged(g, "", v, {o: w for o, w in left.items() if o != g}, len(left)).p_value for g, v in left.items()
