@@ -11,6 +11,7 @@ from baselines.report.page import Section, render
 from baselines.term.groups import Group
 from baselines.term.outliers import listed
 from baselines.term.plan import measured
+from baselines.term.random_effects import MOST, Spread
 from baselines.term.summary import Term
 from flexdrive_gym import __version__
 
@@ -215,7 +216,7 @@ def _spreads(term: Term) -> Section:
     for level, text in _BETWEEN.items():
         own = sorted((s for s in term.spreads if s.level == level), key=lambda s: -s.value)
         if own:
-            most = ", ".join(f"{s.parameter} {s.value:.0%} [{s.ci95[0]:.0%}, {s.ci95[1]:.0%}]" for s in own[:3])
+            most = ", ".join(f"{s.parameter} {s.value:.0%} [{s.ci95[0]:.0%}, {_upper(s)}]" for s in own[:3])
             section.text(f"Most {text}: {most}.")
     section.text(
         "Masses and springs do not differ between runs: where theirs do here, the base model lacks something that runs differ by."
@@ -225,6 +226,11 @@ def _spreads(term: Term) -> Section:
     if missing:
         section.text(f"Nothing can be said of what differs {' or '.join(missing)}: there is one in each.")
     return section
+
+
+def _upper(spread: Spread) -> str:
+    """Return the upper end of an interval, which few units leave open."""
+    return f"{spread.ci95[1]:.0%}" if spread.ci95[1] < MOST else "open"
 
 
 def _changes(term: Term) -> Section:

@@ -32,7 +32,7 @@ from flexdrive_gym.recording import FloatArray
 
 LEVELS = ("rig", "session", "run")
 # standard deviations of logarithms: a factor of seven at most, and what nobody would notice
-_LEAST, _MOST, _START = 1e-4, 2.0, 0.1
+_LEAST, MOST, _START = 1e-4, 2.0, 0.1
 _FALL = 3.84 / 2.0
 
 
@@ -134,7 +134,7 @@ def random_effects(names: Sequence[str], rigs: Sequence[Rig]) -> tuple[Spread, .
     def loss(x: np.ndarray) -> float:
         return -likelihood(x)
 
-    bounds = (float(np.log(_LEAST)), float(np.log(_MOST)))
+    bounds = (float(np.log(_LEAST)), float(np.log(MOST)))
     found = minimize(
         loss,
         np.full(len(levels) * p, np.log(_START)),
@@ -158,9 +158,9 @@ def _interval(likelihood: Callable[[FloatArray], float], best: FloatArray, at: i
         moved[at] = value
         return top - likelihood(moved) - _FALL
 
-    low, high = float(np.log(_LEAST)), float(np.log(_MOST))
+    low, high = float(np.log(_LEAST)), float(np.log(MOST))
     lower = 0.0 if fall(low) <= 0.0 else float(np.exp(brentq(fall, low, best[at], xtol=1e-3)))
-    upper = float(np.exp(high if fall(high) <= 0.0 else brentq(fall, best[at], high, xtol=1e-3)))
+    upper = MOST if fall(high) <= 0.0 else float(np.exp(brentq(fall, best[at], high, xtol=1e-3)))
     return lower, upper
 
 
