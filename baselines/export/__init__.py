@@ -1,0 +1,8 @@
+"""Drives, controllers and agents for other tools: MATLAB and Octave, MuJoCo, plain C99."""
+
+from __future__ import annotations
+
+from baselines.export.exported import Exported, function_name
+from baselines.export.matlab import export_matlab
+
+__all__ = ["Exported", "export_matlab", "function_name"]
