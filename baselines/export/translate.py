@@ -43,7 +43,7 @@ _LIBRARY: dict[Any, str] = {
 _SAME = (pack.anywhere, pack.leading, np.int64)
 _BINARY: dict[type[ast.operator], tuple[str, int]] = {
     ast.Add: ("+", 5), ast.Sub: ("-", 5), ast.Mult: ("*", 6), ast.Div: ("/", 6), ast.Pow: ("^", 8),
-    ast.BitAnd: ("&", 3), ast.BitOr: ("|", 2),
+    ast.BitAnd: ("&&", 1), ast.BitOr: ("||", 0),
 }  # fmt: skip
 _COMPARES: dict[type[ast.cmpop], str] = {
     ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "~=",
@@ -581,7 +581,7 @@ class _Writer:
         return name.strip("_") or "trial"
 
     def _array(self, name: str) -> str:
-        return "z" if name == "c" else name
+        return "z" if name == "c" and "c" in self._arguments else name
 
     def _fresh(self) -> str:
         self._temporary += 1
