@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from baselines.export.agent import export_agent
 from baselines.export.exported import Exported, function_name
+from baselines.export.linear import export_linear
 from baselines.export.matlab import export_matlab
 
-__all__ = ["Exported", "export_matlab", "function_name"]
+__all__ = ["Exported", "export_agent", "export_linear", "export_matlab", "function_name"]

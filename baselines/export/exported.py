@@ -21,12 +21,15 @@ class Exported:
         What of the drive or controller is in it, and what is not, with the reason; a line each.
     notes
         What a user of the file must know.
+    header
+        Text of the header that belongs to C; empty otherwise.
     """
 
     text: str
     held: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    header: str = ""
 
 
 def function_name(path: Path) -> str:

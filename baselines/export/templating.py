@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cache
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+
+
+_WIDTH = 120
 
 
 @cache
@@ -16,7 +21,7 @@ def _environment() -> Environment:
     except ModuleNotFoundError as error:
         raise ValueError("export: needs jinja2, which is not installed. Run: pip install 'flexdrive[report]'.") from error
     # what is written is source code, not a page: nothing is to be escaped
-    return Environment(
+    environment = Environment(
         loader=PackageLoader("baselines.export", "templates"),
         autoescape=False,  # noqa: S701
         undefined=StrictUndefined,
@@ -24,6 +29,51 @@ def _environment() -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
+    environment.filters |= {
+        "c": _c,
+        "m": _m,
+        "c_vector": lambda values: _rows([values], _c, ", ", ",", "{}", outer=False),
+        "c_matrix": lambda rows: _rows(rows, _c, ", ", ",", "{}"),
+        "m_vector": lambda values: _rows([[v] for v in values], _m, ", ", "; ...", "[]"),
+        "m_matrix": lambda rows: _rows(rows, _m, ", ", "; ...", "[]"),
+        "c_reading": lambda cart: f"x{cart}",
+        "m_reading": lambda cart: f"x{cart}",
+    }
+    return environment
+
+
+def _c(value: float) -> str:
+    """Return a number with all its digits in C."""
+    return repr(float(value)) if abs(value) < inf else ("INFINITY" if value > 0.0 else "-INFINITY")
+
+
+def _m(value: float) -> str:
+    """Return a number with all its digits in MATLAB."""
+    return repr(float(value)) if abs(value) < inf else ("Inf" if value > 0.0 else "-Inf")
+
+
+def _rows(rows: Iterable[Iterable[float]], one: Any, between: str, after: str, brackets: str, *, outer: bool = True) -> str:
+    """Return numbers row by row, each on lines of its own that are no longer than an editor likes."""
+    lines = []
+    for row in rows:
+        inside = _wrapped([one(v) for v in row], between, " ..." if brackets == "[]" else "")
+        lines.append(inside if brackets == "[]" else f"{brackets[0]}{inside}{brackets[1]}")
+    if not outer:
+        return lines[0]
+    separator = f"{after}\n    "
+    return f"{brackets[0]}{separator.join(lines)}{brackets[1]}"
+
+
+def _wrapped(words: list[str], between: str, at_end: str) -> str:
+    lines, line = [], ""
+    for i, word in enumerate(words):
+        piece = word + (between if i + 1 < len(words) else "")
+        if line and len(line) + len(piece) > _WIDTH:
+            lines.append(line.rstrip() + at_end)
+            line = ""
+        line += piece
+    return "\n    ".join([*lines, line])
+
 
 
 def fill(template: str, **content: Any) -> str:
