@@ -97,7 +97,7 @@ def export_matlab(drive: Drive, name: str, *, sample_time: float = 1e-3, command
         left_out=left_out,
         version=__version__,
         command=command,
-        provenance=_provenance(drive),
+        provenance=provenance(drive),
         parameters=rows,
         carts=[1, 2] if two else [1],
         states="x1, v1, x2, v2" if two else "x1, v1",
@@ -132,7 +132,8 @@ def _parameters(drive: Drive, keys: Sequence[str]) -> list[dict[str, Any]]:
     return rows
 
 
-def _provenance(drive: Drive) -> list[str]:
+def provenance(drive: Drive) -> list[str]:
+    """Return where a drive comes from, line by line."""
     origin = drive.provenance
     lines = [f"Identified by {origin.method}" + (f" with flexdrive {origin.version}" if origin.version else "")]
     if origin.recordings:
