@@ -7,6 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 _MATLAB_LONGEST = 63
+# words of C99, MATLAB and Octave
+_RESERVED = frozenset(
+    "auto break case catch char classdef const continue default do double else elseif end enum extern float for function global goto "
+    "if inline int long main otherwise parfor persistent register restrict return short signed sizeof spmd static struct switch try "
+    "typedef union unsigned until unwind_protect void volatile while".split()
+)
 
 
 @dataclass(frozen=True)
@@ -32,6 +38,12 @@ class Exported:
     header: str = ""
 
 
+def identifier(text: str) -> str:
+    """Return a name of a function made from any text."""
+    name = re.sub(r"\W+", "_", text, flags=re.ASCII).strip("_")[:_MATLAB_LONGEST]
+    return name if name[:1].isalpha() and name not in _RESERVED else f"rig_{name}"[:_MATLAB_LONGEST]
+
+
 def function_name(path: Path) -> str:
     """Return the name of the function in a file, which MATLAB takes from the file's, and C from an identifier.
 
@@ -41,12 +53,11 @@ def function_name(path: Path) -> str:
         If the file's name is no name of a function.
     """
     name = path.stem
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) or len(name) > _MATLAB_LONGEST:
-        better = re.sub(r"\W+", "_", name).strip("_")[:_MATLAB_LONGEST]
-        better = better if better[:1].isalpha() else f"rig_{better}"
+    if name != identifier(name):
+        better = path.with_name(identifier(name) + path.suffix)
         raise ValueError(
-            f"output: the file's name becomes that of a function: a letter, then letters, digits and _; got {path.name!r}. Try "
-            f"-o {path.with_name(better + path.suffix)}."
+            "output: the file's name becomes that of a function: a letter, then letters, digits and _, and no word of the language; "
+            f"got {path.name!r}. Try -o {better}."
         )
     return name
 

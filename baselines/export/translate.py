@@ -23,8 +23,9 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from flexdrive_gym.drive import effects, forces, pack, piece
+from flexdrive_gym.drive import effects, forces, piece
 from flexdrive_gym.drive.effects import ARGUMENTS, FLAG, LAYOUT, N_STATES, REMEMBERING, ROWS, Slot, hooks_of
+from flexdrive_gym.drive.simd import pack
 from flexdrive_gym.drive.effects.motor_gear_backlash import EFFECT as BACKLASH
 
 Scope = Mapping[str, Any]
