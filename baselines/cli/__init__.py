@@ -40,7 +40,8 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for _module in (
-    demo, check, identify, validate, stability, experiment, diagnose, design, train, compare, report, export, lab, blind, benchmark
+    demo, check, identify, validate, stability, experiment, diagnose, design, train, compare, report, export, lab, blind,
+    benchmark,
 ):  # fmt: skip
     app.command(cls=Command)(getattr(_module, _module.__name__.rsplit(".", 1)[-1]))
 

@@ -56,7 +56,7 @@ def export(
     ] = None,
     agent: Annotated[
         str | None,
-        typer.Option("--agent", "-a", help="Instead of the drive, a trained agent: a name (x2-0, …) or a policy file (.npz)."),
+        typer.Option("--agent", "-a", help="Instead of the drive, a trained agent: a name (x2-0, …) or its file (.npz)."),
     ] = None,
     period: Annotated[
         float | None,
@@ -68,7 +68,7 @@ def export(
     ] = False,
     json: Json = False,
 ) -> None:  # fmt: skip
-    """Write a drive, a linear controller or a trained agent for MATLAB, MuJoCo or a real-time target in C99.
+    """Write a drive, a linear controller or a trained agent for MATLAB, MuJoCo or a target in C99.
 
     The drive: parameters, tf, ss and a function of one step with friction and all its effects (matlab), or a model (mujoco).
     What a tool cannot hold is named on the screen and in the file. Numbers are in the rig's own units.
@@ -77,7 +77,9 @@ def export(
     from flexdrive_gym.files import write_atomically  # noqa: PLC0415
 
     if controller is not None and agent is not None:
-        raise ValueError(f"agent: one thing goes into a file; got --controller {controller} and --agent {agent}. Call twice.")
+        raise ValueError(
+            f"agent: one thing goes into a file; got --controller {controller} and --agent {agent}. Call twice."
+        )
     rig = load_drive(drive)
     what = controller or agent
     source = drive.stem if what is None else what if Path(what).suffix == "" else Path(what).stem
@@ -128,7 +130,9 @@ def _file(output: Path, to: Target, source: str) -> Path:
         return output
     if output.is_dir() or not output.suffix:
         return output / f"{identifier(source)}{suffix}"
-    raise ValueError(f"output: --to {to} writes a file that ends in {suffix}; got {output}. Try -o {output.with_suffix(suffix)}.")
+    raise ValueError(
+        f"output: --to {to} writes a file that ends in {suffix}; got {output}. Try -o {output.with_suffix(suffix)}."
+    )
 
 
 def _named(path: Path, to: Target) -> str:
@@ -156,7 +160,9 @@ def _drive(job: _Job, period: float | None) -> tuple[Exported, Any]:
     from baselines import export as exporting  # noqa: PLC0415
 
     if job.to is Target.c:
-        raise ValueError("to: C99 is written of a controller or an agent; got a drive. Add --controller or --agent, or --to matlab.")
+        raise ValueError(
+            "to: C99 is written of a controller or an agent; got a drive. Add --controller or --agent, or --to matlab."
+        )
     if job.to is Target.mujoco:
         if period is not None:
             raise ValueError(f"period: a model in MuJoCo has its own step; got {period:g} ms. Leave --period out.")
@@ -181,8 +187,8 @@ def _controller(job: _Job, name: str, period: float | None) -> tuple[Exported, A
         law, about = load_own(name, job.rig, job.rig.voltage_limit).controller, (f"read from {Path(name).name}",)
         if not isinstance(law, LinearController):
             raise ValueError(
-                f"controller: only a linear controller is data that can be written elsewhere; got {name}. Describe it in a TOML file "
-                "(docs/controllers.md)."
+                f"controller: only a linear controller is data that can be written elsewhere; got {name}. Describe it in a "
+                "TOML file (docs/controllers.md)."
             )
     else:
         made = design(name, job.rig, sample_time=job.period * units.per_time)
@@ -199,7 +205,9 @@ def _agent(job: _Job, name: str, period: float | None) -> tuple[Exported, Any]:
 
     _needs_code(job, "agent")
     if period is not None:
-        raise ValueError(f"period: an agent acts at the period it was trained for; got {period:g} ms. Leave --period out.")
+        raise ValueError(
+            f"period: an agent acts at the period it was trained for; got {period:g} ms. Leave --period out."
+        )
     agent = load_agent(name) if name.endswith(".npz") else find_agent(name)
     card = agent.card
     about = [f"{key}: {card[key]}" for key in ("command", "commit", "drive") if card.get(key)]

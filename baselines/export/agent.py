@@ -78,10 +78,8 @@ def export_agent(
         "made": command,
     }
     weights = sum(np.asarray(W).size + np.asarray(b).size for W, b in agent.layers)
-    held = (
-        f"{weights} weights, reads {' and '.join(f'x{c}' for c in carts)}, every {task.control_period:g} s, up to "
-        f"{task.voltage:g} V",
-    )
+    reads = " and ".join(f"x{c}" for c in carts)
+    held = (f"{weights} weights, reads {reads}, every {task.control_period:g} s, up to {task.voltage:g} V",)
     notes = (f"the reference is needed {math.ceil(1e3 * max(task.preview)):d} ms ahead",) if task.preview else ()
     if to == "c":
         return Exported(fill("agent.c.j2", **content), held, notes=notes, header=fill("agent.h.j2", **content))

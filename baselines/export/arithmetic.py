@@ -10,8 +10,8 @@ The hyperbolic tangent is :math:`\tanh a = -m/(2 + m)` with :math:`m = e^{-2a} -
 
 .. math:: m = (2^k - 1) + 2^k (e^r - 1) ,
 
-where :math:`e^r - 1` is its Taylor polynomial of degree 13, which leaves 1e-17 of it. ``python -m benchmarks export`` prints how far it is from
-the library's tanh.
+where :math:`e^r - 1` is its Taylor polynomial of degree 13, which leaves 1e-17 of it. ``python -m benchmarks export`` prints how
+far it is from the library's tanh.
 """
 
 from __future__ import annotations

@@ -8,11 +8,13 @@ from pathlib import Path
 
 _MATLAB_LONGEST = 63
 # words of C99, MATLAB and Octave
-_RESERVED = frozenset(
-    "auto break case catch char classdef const continue default do double else elseif end enum extern float for function global goto "
-    "if inline int long main otherwise parfor persistent register restrict return short signed sizeof spmd static struct switch try "
-    "typedef union unsigned until unwind_protect void volatile while".split()
-)
+_RESERVED = frozenset((
+    "auto", "break", "case", "catch", "char", "classdef", "const", "continue", "default", "do", "double",
+    "else", "elseif", "end", "enum", "extern", "float", "for", "function", "global", "goto", "if", "inline",
+    "int", "long", "main", "otherwise", "parfor", "persistent", "register", "restrict", "return", "short",
+    "signed", "sizeof", "spmd", "static", "struct", "switch", "try", "typedef", "union", "unsigned", "until",
+    "unwind_protect", "void", "volatile", "while",
+))  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -56,8 +58,8 @@ def function_name(path: Path) -> str:
     if name != identifier(name):
         better = path.with_name(identifier(name) + path.suffix)
         raise ValueError(
-            "output: the file's name becomes that of a function: a letter, then letters, digits and _, and no word of the language; "
-            f"got {path.name!r}. Try -o {better}."
+            "output: the file's name becomes that of a function: a letter, then letters, digits and _, and no word of the "
+            f"language; got {path.name!r}. Try -o {better}."
         )
     return name
 

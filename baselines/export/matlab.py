@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from baselines.export.entry import first_sample, one_sample
 from baselines.export.exported import Exported, number
 from baselines.export.templating import fill
-from baselines.export.translate import Translator, Untranslatable, constants_in, field_name
+from baselines.export.translation import Translator, constants_in, field_name, first_sample, one_sample
 from flexdrive_gym import Drive
 from flexdrive_gym.drive import parameters
 from flexdrive_gym.drive.effects import EFFECTS, LAYOUT
@@ -70,11 +69,8 @@ def export_matlab(drive: Drive, name: str, *, sample_time: float = 1e-3, command
     engine_time = sample_time * units.per_time
     parameters.check_delays(drive.values, engine_time)
     substeps = parameters.substeps(drive.values, engine_time, _PHYSICS_STEP_S)
-    which, left_out = present_effects(drive), []
-    try:
-        translation = Translator(which, constants_in(units.one)).translate(first_sample, one_sample, step=step)
-    except Untranslatable as error:
-        raise ValueError(str(error)) from error
+    which = present_effects(drive)
+    translation = Translator(which, constants_in(units.one)).translate(first_sample, one_sample, step=step)
     rows = _parameters(drive, translation.parameters)
     widest = max(len(row["field"]) + len(row["value"]) for row in rows)
     for row in rows:
@@ -92,9 +88,7 @@ def export_matlab(drive: Drive, name: str, *, sample_time: float = 1e-3, command
         substeps=substeps,
         ts_pad=max(0, widest - 2 - len(number(sample_time))),
         steps_pad=max(0, widest - 8 - len(str(substeps))),
-        notes=[],
         present=held or ["Coulomb and viscous friction, spring, command limit, encoders; no further effect"],
-        left_out=left_out,
         version=__version__,
         command=command,
         provenance=provenance(drive),
@@ -109,7 +103,7 @@ def export_matlab(drive: Drive, name: str, *, sample_time: float = 1e-3, command
         next_call=translation.entries[1],
         functions=units.name(translation.functions),
     )
-    return Exported(text, tuple(held), tuple(left_out))
+    return Exported(text, ("masses, viscous and Coulomb friction, spring, command limit, delay, encoders", *held))
 
 
 def _parameters(drive: Drive, keys: Sequence[str]) -> list[dict[str, Any]]:
@@ -127,7 +121,13 @@ def _parameters(drive: Drive, keys: Sequence[str]) -> list[dict[str, Any]]:
             low, high = (units.of_rig(b, about.unit)[0] for b in bounds)
             interval = f"; 95 % interval {low:.4g} ... {high:.4g}"
         rows.append(
-            {"field": field_name(key), "value": number(value), "unit": unit, "meaning": about.meaning, "interval": interval}
+            {
+                "field": field_name(key),
+                "value": number(value),
+                "unit": unit,
+                "meaning": about.meaning,
+                "interval": interval,
+            }
         )
     return rows
 
@@ -137,7 +137,9 @@ def provenance(drive: Drive) -> list[str]:
     origin = drive.provenance
     lines = [f"Identified by {origin.method}" + (f" with flexdrive {origin.version}" if origin.version else "")]
     if origin.recordings:
-        shown = ", ".join(origin.recordings[:5]) + (f" and {len(origin.recordings) - 5} more" if len(origin.recordings) > 5 else "")
+        shown = ", ".join(origin.recordings[:5]) + (
+            f" and {len(origin.recordings) - 5} more" if len(origin.recordings) > 5 else ""
+        )
         lines.append(f"from {shown}")
     if origin.note:
         lines.append(" ".join(origin.note.split()))

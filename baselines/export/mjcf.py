@@ -1,7 +1,8 @@
 """A drive as a MuJoCo model (MJCF): what MuJoCo has elements for, and a list of what it has not.
 
-Carts are bodies on joints along one axis, the spring is a fixed tendon of length x1 - x2, Coulomb friction is ``frictionloss``. MuJoCo reckons in
-metres (or radians) and seconds; force keeps the rig's unit of command, so that a mass in V s²/m takes the place of one in kg.
+Carts are bodies on joints along one axis, the spring is a fixed tendon of length x1 - x2, Coulomb friction is ``frictionloss``.
+MuJoCo reckons in metres (or radians) and seconds; force keeps the rig's unit of command, so that a mass in V s²/m takes the place
+of one in kg.
 
 MuJoCo's dry friction is a regularised constraint solved once per step: a cart at rest creeps, and stops and releases fall on
 steps. With the shortest time constant that its solver takes (twice the step) and a step of 0.1 ms both are small;
@@ -107,8 +108,8 @@ def export_mujoco(drive: Drive, name: str, *, command: str = "flexdrive export")
     left_out = _left_out(drive, [w for w in which if w not in held], turns=turns)
     notes = _notes(drive, units, held)
     header = [
-        f"Units: 1 {drive.units.length} is {units.per_length and drive.units.per_length / units.per_length:g} {units.length}; forces "
-        f"and the control u are in {units.command}, so a mass is in {units.name('V s²/mm')}.",
+        f"Units: 1 {drive.units.length} is {drive.units.per_length / units.per_length:g} {units.length}.",
+        f"Forces and the control u are in {units.command}, so a mass is in {units.name('V s²/mm')}.",
         *(f"Held: {line}" for line in described(drive, [*held, *delayed])),
         *(f"Left out: {line}" for line in left_out),
         *notes,
@@ -118,7 +119,9 @@ def export_mujoco(drive: Drive, name: str, *, command: str = "flexdrive export")
     text = fill(
         "drive.xml.j2",
         name=name,
-        title=f"{drive.name}: the two-mass flexible drive" if drive.carts == 2 else f"{drive.name}: a drive of one cart",
+        title=f"{drive.name}: the two-mass flexible drive"
+        if drive.carts == 2
+        else f"{drive.name}: a drive of one cart",
         header=[line.replace("--", "- -") for line in header],
         integration="Friction is a constraint that is solved at every step: as stiff as the solver allows, at a short step.",
         timestep=TIMESTEP_S / drive.units.per_time,
@@ -154,7 +157,11 @@ def _carts(drive: Drive, of: Any, *, turns: bool) -> list[_Cart]:
         mass = of(f"extra_mode.mass_{i}", "V s²/mm")
         if mass > 0.0:
             w = 2.0 * math.pi * of("extra_mode.frequency", "Hz")
-            cart.appendage = {"mass": mass, "stiffness": mass * w * w, "damping": 2.0 * drive["extra_mode.zeta"] * w * mass}
+            cart.appendage = {
+                "mass": mass,
+                "stiffness": mass * w * w,
+                "damping": 2.0 * drive["extra_mode.zeta"] * w * mass,
+            }
         carts.append(cart)
     carts[0].stiffness = [of("ground_spring.kg", "V/mm"), 0.0, of("ground_spring.kg3", "V/mm³")]
     if drive.carts == 2:
@@ -185,7 +192,10 @@ def _left_out(drive: Drive, which: Sequence[tuple[str, str]], *, turns: bool) ->
     base = [
         (slot.effect.id, slot.where)
         for key, slot in LAYOUT.items()
-        if slot.effect.base and slot.effect.id in _REASONS and drive[key] != slot.parameter.null and key != "saturation.limit"
+        if slot.effect.base
+        and slot.effect.id in _REASONS
+        and drive[key] != slot.parameter.null
+        and key != "saturation.limit"
     ]
     carts = {"encoder_1", "encoder_2"} if drive.carts == 2 else {"encoder_1"}
     names = dict.fromkeys(w for w in (*which, *base) if not w[1].startswith("encoder") or w[1] in carts)

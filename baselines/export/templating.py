@@ -19,7 +19,9 @@ def _environment() -> Environment:
     try:
         from jinja2 import Environment, PackageLoader, StrictUndefined  # noqa: PLC0415
     except ModuleNotFoundError as error:
-        raise ValueError("export: needs jinja2, which is not installed. Run: pip install 'flexdrive[report]'.") from error
+        raise ValueError(
+            "export: needs jinja2, which is not installed. Run: pip install 'flexdrive[report]'."
+        ) from error
     # what is written is source code, not a page: nothing is to be escaped
     environment = Environment(
         loader=PackageLoader("baselines.export", "templates"),
@@ -52,7 +54,9 @@ def _m(value: float) -> str:
     return repr(float(value)) if abs(value) < inf else ("Inf" if value > 0.0 else "-Inf")
 
 
-def _rows(rows: Iterable[Iterable[float]], one: Any, between: str, after: str, brackets: str, *, outer: bool = True) -> str:
+def _rows(
+    rows: Iterable[Iterable[float]], one: Any, between: str, after: str, brackets: str, *, outer: bool = True
+) -> str:
     """Return numbers row by row, each on lines of its own that are no longer than an editor likes."""
     lines = []
     for row in rows:
@@ -73,7 +77,6 @@ def _wrapped(words: list[str], between: str, at_end: str) -> str:
             line = ""
         line += piece
     return "\n    ".join([*lines, line])
-
 
 
 def fill(template: str, **content: Any) -> str:

@@ -77,7 +77,7 @@ def _difference(case: str, signal: str, unit: str, theirs: FloatArray, ours: Flo
 
 
 def trials(drive: Drive, sample_time: float) -> dict[str, FloatArray]:
-    """Return commands that tell friction well or ill treated [V]: a sine near resonance, stick-slip, a square, rest below friction."""
+    """Return commands that show how friction is treated [V]: a fast sine, stick-slip, a square, rest below friction."""
     t = np.arange(round(TRIAL_S / sample_time)) * sample_time
     friction = drive["d1"] + (drive["d2"] if drive.carts == 2 else 0.0)
     level = friction if friction > 0.0 else 0.6
@@ -259,7 +259,7 @@ def _agent_run(agent: Agent, drive: Drive) -> tuple[FloatArray, FloatArray]:
 
 
 def _reference(sample_time: float) -> FloatArray:
-    return np.asarray(sample_reference("handout", sample_time, round(2.0 / sample_time)))
+    return sample_reference("handout", np.arange(round(2.0 / sample_time)) * sample_time)
 
 
 def _in_octave(columns: FloatArray, exported: Exported, name: str) -> FloatArray:
