@@ -50,8 +50,8 @@ def export(
         str | None,
         typer.Option(
             "--controller", "-c",
-            help="Instead of the drive, a linear controller designed for it: a name as in 'flexdrive compare' (lab4, lqg, cascade, "
-            "…), or your own.toml.",
+            help="Instead of the drive, a linear controller designed for it: a name as in 'flexdrive compare' (lab4, lqg, "
+            "cascade, …), or your own.toml.",
         ),
     ] = None,
     agent: Annotated[
@@ -181,6 +181,7 @@ def _controller(job: _Job, name: str, period: float | None) -> tuple[Exported, A
 
     _needs_code(job, "controller")
     units = job.rig.units
+    about: tuple[str, ...]
     if is_own(name):
         if period is not None:
             raise ValueError(f"period: {name} has a sample time of its own; got {period:g} ms. Leave --period out.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from baselines.export import arithmetic
 from baselines.export.agent import export_agent
 from baselines.export.exported import Exported, function_name, identifier
 from baselines.export.linear import export_linear
@@ -13,6 +14,7 @@ __all__ = [
     "Difference",
     "Exported",
     "Missing",
+    "arithmetic",
     "export_agent",
     "export_linear",
     "export_matlab",

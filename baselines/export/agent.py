@@ -55,7 +55,7 @@ def export_agent(
     unread = "" if len(carts) == 2 else f" x{3 - carts[0]} is not read."
     content: dict[str, Any] = {
         "name": name,
-        "title": f"{agent.name}: a trained agent, {' x '.join(str(len(b)) for _W, b in agent.layers)} neurons",
+        "title": f"{agent.name}: a trained agent, {' x '.join(str(np.size(b)) for _W, b in agent.layers)} neurons",
         "about": list(about),
         "period": task.control_period,
         "voltage": task.voltage,
