@@ -72,8 +72,9 @@ def _tangent() -> str:
     exact = np.tanh(x.astype(np.longdouble))
     unit = np.spacing(np.maximum(np.abs(exact.astype(float)), 1e-307))
     ours, library = (np.abs(y - exact) / unit for y in (arithmetic.tanh(x), np.tanh(x)))
+    ours_most, library_most = float(ours.max()), float(library.max())
     return (
-        f"The written-out tanh errs by at most {float(ours.max()):.1f} units in the last place, numpy's by {float(library.max()):.1f} "
+        f"The written-out tanh errs by at most {ours_most:.1f} units in the last place, numpy's by {library_most:.1f} "
         f"({len(x)} arguments, against extended precision)."
     )
 

@@ -136,10 +136,10 @@ def _file(output: Path, to: Target, source: str) -> Path:
 
 
 def _named(path: Path, to: Target) -> str:
-    """Return the name of what is in a file; of a model it may be any."""
-    from baselines.export import function_name  # noqa: PLC0415
+    """Return the name of what is in a file; that of a model need not be the file's."""
+    from baselines.export import function_name, identifier  # noqa: PLC0415
 
-    return path.stem if to is Target.mujoco else function_name(path)
+    return identifier(path.stem) if to is Target.mujoco else function_name(path)
 
 
 def _given() -> str:

@@ -101,7 +101,7 @@ def export_matlab(drive: Drive, name: str, *, sample_time: float = 1e-3, command
         cell_names=list(translation.cells.items()) if which else [],
         first_call=translation.entries[0],
         next_call=translation.entries[1],
-        functions=units.name(translation.functions),
+        code=units.name(translation.functions),
     )
     return Exported(text, ("masses, viscous and Coulomb friction, spring, command limit, delay, encoders", *held))
 

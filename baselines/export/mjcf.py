@@ -122,7 +122,7 @@ def export_mujoco(drive: Drive, name: str, *, command: str = "flexdrive export")
         title=f"{drive.name}: the two-mass flexible drive"
         if drive.carts == 2
         else f"{drive.name}: a drive of one cart",
-        header=[line.replace("--", "- -") for line in header],
+        header=header,
         integration="Friction is a constraint that is solved at every step: as stiff as the solver allows, at a short step.",
         timestep=TIMESTEP_S / drive.units.per_time,
         joint="hinge" if turns else "slide",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from functools import cache
 from math import inf
@@ -79,6 +80,29 @@ def _wrapped(words: list[str], between: str, at_end: str) -> str:
     return "\n    ".join([*lines, line])
 
 
-def fill(template: str, **content: Any) -> str:
-    """Return a template of this package, filled."""
-    return _environment().get_template(template).render(**content)
+def fill(template: str, *, code: str = "", **content: Any) -> str:
+    """Return a template of this package, filled.
+
+    Parameters
+    ----------
+    template
+        Its file.
+    code
+        Text that goes in as it is.
+    **content
+        Whatever else it shows. Names and units come from a user's files and stand in comments, so they must not end these.
+    """
+    dashes = template.endswith(".xml.j2")
+    return _environment().get_template(template).render(code=code, **{k: _quiet(v, dashes) for k, v in content.items()})
+
+
+def _quiet(value: Any, dashes: bool) -> Any:
+    """Return texts on one line each, without what would end a comment."""
+    if isinstance(value, str):
+        text = " ".join(value.split()).replace("*/", "* /").replace("/*", "/ *")
+        return re.sub(r"-(?=-)", "- ", text).removesuffix("-") if dashes else text
+    if isinstance(value, list | tuple):
+        return type(value)(_quiet(v, dashes) for v in value)
+    if isinstance(value, dict):
+        return {k: _quiet(v, dashes) for k, v in value.items()}
+    return value

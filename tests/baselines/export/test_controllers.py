@@ -31,8 +31,12 @@ def same_bits(controller, drive, to):
     return exported
 
 
+# designs that search take their time
+QUICK = {"p_x2", "lab4", "lqg"}
+
+
 @COMPILER
-@pytest.mark.parametrize("name", FAMILIES)
+@pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in FAMILIES])
 def test_every_family_in_c(name):
     same_bits(design(name, DEFAULT_DRIVE).controller, DEFAULT_DRIVE, "c")
 

@@ -1,12 +1,15 @@
 """The step in MATLAB as text: every effect of the catalogue can be written, and what is written is MATLAB as well as Octave."""
 
 import re
+import xml.etree.ElementTree as ET
 
 import pytest
 
-from baselines.export import export_matlab, function_name
+from baselines.controllers import design
+from baselines.export import export_linear, export_matlab, export_mujoco, function_name
 from baselines.export.translation import Translator, UntranslatableError, first_sample, one_sample
 from flexdrive_gym import DEFAULT_DRIVE, Drive
+from flexdrive_gym.drive.drive import Provenance
 from flexdrive_gym.drive.effects import EFFECTS
 from flexdrive_gym.drive.step import step
 from flexdrive_gym.units import Units
@@ -82,3 +85,13 @@ def test_a_file_whose_name_is_no_function_is_refused(tmp_path, name, better):
     with pytest.raises(ValueError, match=f"-o .*{re.escape(better)}"):
         function_name(tmp_path / name)
     assert function_name(tmp_path / "rig_3.m") == "rig_3"
+
+
+def test_texts_of_a_user_stay_in_comments():
+    strange = DEFAULT_DRIVE.replace(name="rig */ -- >\nsystem('x')", provenance=Provenance("ml", note="a\nb -- c --"))
+    text = export_matlab(strange, "rig").text
+    assert not [line for line in text.splitlines() if "system('x')" in line and not line.startswith("%")]
+    assert ET.fromstring(export_mujoco(strange, "rig").text).tag == "mujoco"
+    law = design("p_x2", strange).controller
+    code = export_linear(law, "p", "c", about=["for rig */ int x; /* --"]).text
+    assert "*/ int x" not in code
