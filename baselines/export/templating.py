@@ -17,12 +17,8 @@ _WIDTH = 120
 
 @cache
 def _environment() -> Environment:
-    try:
-        from jinja2 import Environment, PackageLoader, StrictUndefined  # noqa: PLC0415
-    except ModuleNotFoundError as error:
-        raise ValueError(
-            "export: needs jinja2, which is not installed. Run: pip install 'flexdrive[report]'."
-        ) from error
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # noqa: PLC0415
+
     # what is written is source code, not a page: nothing is to be escaped
     environment = Environment(
         loader=PackageLoader("baselines.export", "templates"),

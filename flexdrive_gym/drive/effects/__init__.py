@@ -141,7 +141,8 @@ def hooks_of(site: str, where: str | None) -> list[tuple[Callable[..., Any], Slo
 _HOOK_FLAG = {
     (*which, slot.effect.id, slot.where): i
     for i, (which, slot) in enumerate(
-        ((which, slot) for which in CHAINS for _hook, slot in hooks_of(*which) if not slot.effect.base), start=_HOOK_FLAGS
+        ((which, slot) for which in CHAINS for _hook, slot in hooks_of(*which) if not slot.effect.base),
+        start=_HOOK_FLAGS,
     )
 }
 _MEMORY = _HOOK_FLAGS + len(_HOOK_FLAG)

@@ -4,7 +4,9 @@ import json
 import shutil
 
 import pytest
+from typer.testing import CliRunner
 
+from baselines.cli import app
 from flexdrive_gym import DEFAULT_DRIVE, save_drive
 from tests.contracts.test_commands import flexdrive
 
@@ -63,10 +65,15 @@ def test_check_prints_the_difference(folder):
         (["--to", "c", "-c", "none.toml", "-o", "a.c"], "none.toml"),
     ],
 )
-def test_what_cannot_be_is_refused_and_nothing_is_written(folder, arguments, text):
+def test_what_cannot_be_is_refused_and_nothing_is_written(folder, arguments, text, monkeypatch):
+    monkeypatch.chdir(folder)
     before = set(folder.rglob("*"))
-    done = flexdrive("export", "drive.toml", *arguments, cwd=folder)
-    assert done.returncode == 1
-    assert text in done.stderr
+    done = CliRunner().invoke(app, ["export", "drive.toml", *arguments])
+    assert isinstance(done.exception, ValueError | OSError)
+    assert text in str(done.exception)
     assert set(folder.rglob("*")) == before
-    assert flexdrive("export", "drive.toml", "--to", "simulink", "-o", "a", cwd=folder).returncode == 2
+
+
+def test_an_unknown_tool_is_wrong_usage(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    assert CliRunner().invoke(app, ["export", "drive.toml", "--to", "simulink", "-o", "a"]).exit_code == 2
