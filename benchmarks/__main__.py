@@ -9,6 +9,7 @@ from benchmarks import (
     coverage,
     diagnosis,
     environment,
+    export,
     false_alarms,
     friction_by_run,
     lab,
@@ -20,6 +21,7 @@ from benchmarks import (
     reversals,
     sim_to_real,
     speed,
+    term,
 )
 
 ALL = {
@@ -32,6 +34,7 @@ ALL = {
     "coverage": coverage.main,
     "blind_nuisance": blind_nuisance.main,
     "controllers": controllers.main,
+    "export": export.main,
     "overlay": overlay.main,
 }
 # these take minutes to hours, and options of their own
@@ -43,6 +46,7 @@ LONG = {
     "learners": learners.main,
     "reversals": reversals.main,
     "sim_to_real": sim_to_real.main,
+    "term": term.main,
 }
 
 

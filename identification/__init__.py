@@ -6,7 +6,7 @@ from identification.diagnosis_file import load_diagnosis
 from identification.likelihood import MaximumLikelihood, identify_by_likelihood
 from identification.methods import Identification, identify
 from identification.readiness import Check, check
-from identification.recordings import RecordingError, read_recordings, write_recording
+from identification.recordings import RecordingError, read_recordings, write_recording, write_rig
 from identification.validation import Validation, validate
 
 __all__ = [
@@ -24,4 +24,5 @@ __all__ = [
     "read_recordings",
     "validate",
     "write_recording",
+    "write_rig",
 ]

@@ -197,7 +197,7 @@ def print_diagnosis(found: Diagnosis) -> None:
             ["", "before [95 %]", "after [95 %]", "unit", "on the rig"],
             [
                 [
-                    words.prediction_name(p.name),
+                    words.prediction_name(p.name, found.drive.units),
                     words.interval(p.before),
                     words.interval(p.after),
                     p.unit,

@@ -126,7 +126,7 @@ def _tiles(d: Diagnosis) -> list[dict[str, str]]:
     if shown is not None and d.findings:
         rig = f"; the rig: {shown.measured}" if shown.measured else ""
         beyond = "; extrapolated" if shown.extrapolated else ""
-        name = words.prediction_name(shown.name)
+        name = words.prediction_name(shown.name, d.drive.units)
         tiles.append(
             {
                 "number": f"{_number(shown.before.value)} → {_number(shown.after.value)}",
@@ -319,7 +319,7 @@ def _predictions(d: Diagnosis) -> Section:
         ),
         [
             (
-                words.prediction_name(p.name),
+                words.prediction_name(p.name, d.drive.units),
                 *([words.interval(p.before)] if d.findings else []),
                 words.interval(p.after),
                 p.unit,

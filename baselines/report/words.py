@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from baselines.lab.experiments import STABLE_GAIN
 from flexdrive_gym.drive.effects import EFFECTS
 from flexdrive_gym.references import STROKE_MM
+from flexdrive_gym.units import LAB, Units
 from identification.diagnosis.verdict import Diagnosis, Finding, Interval, Prediction, RecordingFit
 from identification.quantities import HANDOUT_RATIOS
 
@@ -116,13 +117,14 @@ def worse_sentences(d: Diagnosis) -> list[str]:
     return [f"{len(worse)} of {len(report or d.per_recording)} {kind} got worse: {shown}."]
 
 
-def prediction_name(name: str) -> str:
+def prediction_name(name: str, units: Units = LAB) -> str:
     """Return a prediction's name in words."""
+    gain = units.text(STABLE_GAIN, "V/mm")
     if name == "steady_error":
-        return f"error after a {STROKE_MM:g} mm step at Kp = {STABLE_GAIN:g} V/mm"
+        return f"error after a step of {units.text(STROKE_MM, 'mm')} at Kp = {gain}"
     for feedback in ("x1", "x2"):
         name = name.replace(f"critical_gain_{feedback}_", f"critical gain from {feedback}, ")
-        name = name.replace(f"phase_margin_{feedback}", f"phase margin from {feedback} at Kp = {STABLE_GAIN:g} V/mm")
+        name = name.replace(f"phase_margin_{feedback}", f"phase margin from {feedback} at Kp = {gain}")
     return {"resonance_hz": "resonance frequency", "damping_ratio": "damping ratio"}.get(name, name).replace(
         "trajectory", "lab's trajectory"
     )
@@ -146,7 +148,7 @@ def extrapolation_sentences(d: Diagnosis) -> list[str]:
     by: dict[str, list[str]] = {}
     for p in d.predictions:
         if p.extrapolated is not None:
-            by.setdefault(p.extrapolated, []).append(prediction_name(p.name))
+            by.setdefault(p.extrapolated, []).append(prediction_name(p.name, d.drive.units))
     return [f"Extrapolated: {listed(names)}. {why}" for why, names in by.items()]
 
 

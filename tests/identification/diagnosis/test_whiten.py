@@ -13,7 +13,7 @@ FORCES = np.array([4e-3, 2e-3]), np.array([0.05, 0.02]), 0.3
 
 def _model():
     A, Q = transitions(VALUES, H, *FORCES)
-    start = np.array([RHO, 0.0, RHO, 0.0, *(FORCES[1] ** 2)])
+    start = np.array([RHO, 0.0, RHO, 0.0, *(FORCES[1] ** 2), 0.0, 0.0])
     return A, Q, start
 
 
@@ -76,6 +76,6 @@ def test_lost_samples_leave_an_unknown_offset():
 
 def test_a_cart_at_rest_neither_moves_nor_pulls():
     A, _, _ = _model()
-    z = np.array([1.0, 0.0, 0.0, 0.0, 0.1, 0.1])
+    z = np.array([1.0, 0.0, 0.0, 0.0, 0.1, 0.1, 0.0, 0.0])
     after = A[3] @ z
     assert after[:4] == pytest.approx(z[:4], abs=1e-12)
