@@ -75,12 +75,12 @@ def _in_words(spread: LoopUncertainty) -> str:
 
 def _values(values: Lab4, units: Units) -> dict[str, tuple[float, str]]:
     """Return symbol to value and unit, as the rig's owner reads them."""
-    from flexdrive_gym.units import in_rig_units  # noqa: PLC0415
-
     return {name: units.of_rig(value, unit) for name, (value, unit) in values.table().items()}
 
 
 def _as_json(engine: Lab4Study, units: Units) -> dict[str, object]:
+    from flexdrive_gym.units import in_rig_units  # noqa: PLC0415
+
     by_hand, refined, study = (
         _values(engine.by_hand, units),
         _values(engine.refined, units),
