@@ -47,7 +47,7 @@ def test_a_diagnosis_of_schema_1_is_read_as_schema_2(tmp_path):
         }
     ]  # fmt: skip
     assert found["baseline"] == OLD["baseline"]
-    schema = files("identification.diagnosis") / "diagnosis.schema.json"
+    schema = files("identification.mismatch") / "diagnosis.schema.json"
     jsonschema.validate(found, json.loads(schema.read_text(encoding="utf-8")))
     again = tmp_path / "again.json"
     again.write_text(json.dumps(found))

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from baselines.public_data.run import Result
-    from identification.diagnosis.ladder import Rung
+    from identification.mismatch.ladder import Rung
 
     # label, colour, marker, part and column of the scores
     Line = tuple[str, str, str, str, str | None]

@@ -14,9 +14,9 @@ from baselines.public_data.benchmark import Benchmark
 from flexdrive_gym import Drive, Recording
 from flexdrive_gym.recording import Fault, FloatArray
 from identification import diagnose
-from identification.diagnosis.ladder import Rung, climb
-from identification.diagnosis.verdict import Diagnosis, unit_of
 from identification.initial_state import with_start
+from identification.mismatch.ladder import Rung, climb
+from identification.mismatch.verdict import Diagnosis, unit_of
 from identification.replay.output_error import prepare_measured, simulate_run
 
 

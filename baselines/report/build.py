@@ -12,8 +12,8 @@ from baselines.report.findings import STEPS, Findings, Progress, find
 from baselines.report.page import render
 from baselines.report.words import verdict_sentences
 from flexdrive_gym import Recording, __version__
-from identification.diagnosis.verdict import Diagnosis
 from identification.likelihood import improvement
+from identification.mismatch.verdict import Diagnosis
 from identification.quantities import HANDOUT_RATIOS
 
 __all__ = ["STEPS", "build_report"]

@@ -12,9 +12,9 @@ from baselines.report import words
 from baselines.report.fault_table import add_faults, shaded
 from baselines.report.page import Section, render
 from flexdrive_gym import Drive, Recording, __version__
-from identification.diagnosis.remaining import Remaining, remaining, replay
-from identification.diagnosis.suggest import Suggestion
-from identification.diagnosis.verdict import Diagnosis, RecordingFit
+from identification.mismatch.remaining import Remaining, remaining, replay
+from identification.mismatch.suggest import Suggestion
+from identification.mismatch.verdict import Diagnosis, RecordingFit
 from identification.recordings.faults import gathered
 from identification.reversals import Reversal, mean_reversal
 

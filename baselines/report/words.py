@@ -10,7 +10,7 @@ from baselines.lab.experiments import STABLE_GAIN
 from flexdrive_gym.drive.effects import EFFECTS
 from flexdrive_gym.references import STROKE_MM
 from flexdrive_gym.units import LAB, Units
-from identification.diagnosis.verdict import Diagnosis, Finding, Interval, Prediction, RecordingFit
+from identification.mismatch.verdict import Diagnosis, Finding, Interval, Prediction, RecordingFit
 from identification.quantities import HANDOUT_RATIOS
 
 _GREEK = {"alpha": "α = m2/m1", "beta": "β = b2/b1", "gamma": "γ = d2/d1"}

@@ -16,7 +16,7 @@ from flexdrive_gym import Drive, load_drive, save_drive
 from identification import write_recording
 from tests.baselines.public_data.stand_ins import lose, write_carriage
 from tests.drive.drives import RIG
-from tests.identification.diagnosis.lab import KINDS, T, data_set
+from tests.identification.mismatch.lab import KINDS, T, data_set
 
 COMMANDS = [command.callback.__name__ for command in app.registered_commands]
 
@@ -178,7 +178,7 @@ def test_diagnose_prints_what_it_writes(diagnosed):
     assert result.returncode == 0, result.stderr
     found = json.loads(result.stdout)
     assert found == json.loads((base / "out" / "diagnosis.json").read_text(encoding="utf-8"))
-    schema = files("identification.diagnosis") / "diagnosis.schema.json"
+    schema = files("identification.mismatch") / "diagnosis.schema.json"
     jsonschema.validate(found, json.loads(schema.read_text(encoding="utf-8")))
     assert found["verdict"] in {"explained", "partly_explained"}
     assert found["findings"][0]["id"] == "hardening_spring"

@@ -7,7 +7,7 @@ from baselines.cli import _output, app
 from baselines.cli._tables import laid_out, wrapped_sentence
 from flexdrive_gym import DEFAULT_DRIVE, Covariance, Drive, save_drive
 from identification import write_recording
-from tests.identification.diagnosis.lab import T, data_set
+from tests.identification.mismatch.lab import T, data_set
 
 WIDTHS = (60, 80, 140)
 WIDE = (

@@ -6,9 +6,9 @@ import pytest
 from baselines.lab.predictions import predictions
 from baselines.lab.uncertainty import settled_error
 from flexdrive_gym import Covariance, Drive
-from identification.diagnosis.verdict import Finding
+from identification.mismatch.verdict import Finding
 from tests.drive.drives import FRICTIONLESS, RIG
-from tests.identification.diagnosis.lab import diagnosis
+from tests.identification.mismatch.lab import diagnosis
 
 
 def test_without_friction_p_control_settles_on_the_reference():

@@ -20,7 +20,7 @@ from baselines.term.summary import summarise
 from flexdrive_gym import load_drive
 from tests.baselines.term.lab import day, hand_in, term
 from tests.drive.drives import RIG
-from tests.identification.diagnosis.lab import diagnosis
+from tests.identification.mismatch.lab import diagnosis
 
 QUICK = ["--no-diagnose", "--draws", "0", "--backend", "sequential"]
 

@@ -8,7 +8,7 @@ import pytest
 from identification.replay.batch import Together
 from identification.replay.output_error import prepare, simulate_run
 from tests.drive.drives import RIG
-from tests.identification.diagnosis.lab import KINDS, data_set
+from tests.identification.mismatch.lab import KINDS, data_set
 
 DRIVES = [
     RIG,

@@ -10,7 +10,7 @@ from identification.replay.batch import Together
 from identification.replay.output_error import prepare
 from tests.drive.drives import RIG
 from tests.drive.effects.runs import start_values
-from tests.identification.diagnosis.lab import data_set
+from tests.identification.mismatch.lab import data_set
 
 INSTANCES = [
     (effect, where)

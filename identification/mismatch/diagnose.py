@@ -1,0 +1,293 @@
+"""From recordings to a diagnosis: read, split, select, and only then open the report recordings."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import chi2
+from threadpoolctl import threadpool_limits
+
+from flexdrive_gym import Drive, Provenance, Recording, __version__
+from flexdrive_gym.drive.parameters import checked
+from identification.mismatch.baseline import fit_tied, ratios
+from identification.mismatch.bench import Bench
+from identification.mismatch.candidates.catalogue import Candidate
+from identification.mismatch.candidates.phases import Phase
+from identification.mismatch.covariance import uncertainty
+from identification.mismatch.errors import loop_fits, recording_fits, total, velocity_rms
+from identification.mismatch.fit import Fit
+from identification.mismatch.homogeneity import Homogeneity, homogeneity
+from identification.mismatch.levels import output_error
+from identification.mismatch.maps import draw_maps, harmonics, located
+from identification.mismatch.missing_force import missing_force
+from identification.mismatch.notes import notes_of
+from identification.mismatch.select import Round, Scored, Selection, Selector
+from identification.mismatch.settings import Settings
+from identification.mismatch.split import Split, split_recordings
+from identification.mismatch.unnamed import share_of, unnamed
+from identification.mismatch.verdict import (
+    Diagnosis,
+    Estimate,
+    Finding,
+    Named,
+    RecordingFit,
+    Unnamed,
+    Verdict,
+    experiment_for,
+    in_units,
+    short,
+    unit_of,
+)
+from identification.recordings import RecordingSet, Rig
+from identification.recordings.given import Source, given
+from identification.run_to_run import friction_run_to_run, recorded_range
+from identification.selection import select
+from identification.topology import Topology, topology_of
+
+Say = Callable[[str], None]
+ALPHA = 0.02
+# an error this near to the floor leaves nothing to explain
+_NEAR_FLOOR = 1.25
+
+
+def diagnose(
+    recordings: Source,
+    *,
+    seed: int = 0,
+    jobs: int | None = None,
+    topology: Topology | None = None,
+    rig: Rig | str | Path | None = None,
+    alpha: float = ALPHA,
+    settings: Settings | None = None,
+    say: Say = lambda _: None,
+) -> Diagnosis:
+    """Find out which physics the base model of a drive lacks.
+
+    Parameters
+    ----------
+    recordings
+        Folder, files, or recordings already read, of one drive.
+    seed
+        Of the null draws; the same seed gives the same diagnosis to the last bit.
+    jobs
+        Threads; default: the processors this process may use. The answer does not depend on it.
+    topology
+        Which bodies there are and what is free; default: one cart or two, as the recordings' channels or their rig description
+        tell, with the effects that it knows.
+    rig
+        Rig description, or its file, to read recordings with; those already read bring theirs.
+    alpha
+        Level of the test, between 0 and 1: in so many data sets in which nothing is left out something is named.
+    settings
+        Constants; default: those of :class:`~identification.mismatch.settings.Settings`.
+    say
+        Called with a few words at every stage.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    ValueError
+        For a level outside 0 to 1, or recordings that cannot tell anything; the message says what to record.
+    """
+    begin = time.perf_counter()
+    if not 0.0 < alpha < 1.0:
+        raise ValueError(f"alpha: must lie between 0 and 1; got {alpha:g}. The default is {ALPHA:g}.")
+    say("reading recordings")
+    chosen = select(given(recordings, rig))
+    runs = chosen.require()
+    split = split_recordings(runs)
+    bodies = topology or topology_of(RecordingSet(split.estimation, rig=runs.rig))
+    # its own threads keep the processors busy: those of the linear algebra would only be in their way
+    with (
+        threadpool_limits(1, user_api="blas"),
+        ThreadPoolExecutor(jobs or len(os.sched_getaffinity(0))) as pool,
+    ):
+        bench = Bench(split.estimation, pool, settings or Settings())
+        plain, known = without_known(bodies)
+        selection = Selector(bench, plain, known, alpha, seed, say).run()
+        found = _Result(split, bench, selection, plain, pool)
+        say("estimating what is uncertain")
+        same = found.homogeneity(alpha, np.random.default_rng([seed, 1]))
+        say("opening the report recordings")
+        result = found.diagnosis(same)
+    # what was left out has faults, too
+    faults = [f for r in (*runs, *(r for r, _ in chosen.left_out)) for f in r.in_rig_units().faults]
+    return replace(
+        result, faults=tuple(faults), notes=(*chosen.notes, *result.notes), seconds=time.perf_counter() - begin
+    )
+
+
+def without_known(topology: Topology) -> tuple[Topology, dict[str, float]]:
+    """Return the bodies alone, and the start values of the effects that a topology knows."""
+    known = {n: v for n, v in topology.start.items() if "." in n and n in topology.free}
+    # what is at its null has no slope to be fitted from
+    usual = {n: v or 1e-6 for n, v in known.items()}
+    start = {n: v for n, v in topology.start.items() if n not in known}
+    return replace(topology, free=tuple(n for n in topology.free if n not in known), start=start), usual
+
+
+@dataclass(eq=False)
+class _Result:
+    """What was selected, on its way to a diagnosis; figures in the engine's units until the end."""
+
+    split: Split
+    bench: Bench
+    selection: Selection
+    topology: Topology
+    pool: Executor
+
+    @cached_property
+    def base(self) -> Fit:
+        return output_error(self.bench, self.selection.first)
+
+    @cached_property
+    def model(self) -> Fit:
+        return output_error(self.bench, self.selection.model) if self.selection.accepted else self.base
+
+    @property
+    def runs(self) -> Sequence[Recording]:
+        return self.bench.recordings
+
+    def homogeneity(self, alpha: float, rng: np.random.Generator) -> tuple[Homogeneity, ...]:
+        """Hold the parameters against the sessions, in the rig's units."""
+        model, units = self.model, self.runs[0].units
+        ones = {n: units.one(unit_of(n)) for n in model.names}
+        scale = model.scale / np.array([ones[n] for n in model.names])
+        values = {n: v / ones.get(n, 1.0) for n, v in model.values.items()}
+        # replicates in different sessions are what tells them apart
+        single = copy(self.bench)
+        single.units = np.arange(len(self.runs))
+        own = replace(model, values=values, scale=scale, bench=single)
+        return tuple(homogeneity(own, [r.session for r in self.runs], alpha, rng))
+
+    def diagnosis(self, same: tuple[Homogeneity, ...]) -> Diagnosis:
+        """Return the diagnosis but for what only the caller knows."""
+        units, split = self.runs[0].units, self.split
+        base, drive = self.drive(self.base, "base model"), self.drive(self.model, "diagnosed drive")
+        forces = list(self.pool.map(lambda r: missing_force(base.values, r), self.runs))
+        maps = draw_maps(forces)
+        findings = tuple(self.finding(s, step, drive) for s, step in self.selection.accepted)
+        nameless = unnamed(self.bench, self.selection)
+        estimation = recording_fits(base, drive, self.runs, "estimation", self.runs, self.pool)
+        everything = (*self.runs, *split.report)
+        report = recording_fits(base, drive, split.report, "report", everything, self.pool)
+        loops = loop_fits(base, drive, split.loops, self.pool)
+        before, after, floor = total(report) if report else total(estimation)
+        tied = fit_tied(self.bench, self.base) if self.topology.two_carts else None
+        return in_units(
+            Diagnosis(
+                verdict=_verdict(findings, nameless, estimation),
+                faults=(),
+                located=located([m.of_rig(units) for m in maps]),
+                findings=findings,
+                unnamed=nameless,
+                handout_tied_rms=float("nan") if tied is None else velocity_rms(self.runs, tied.values, self.pool),
+                free_rms=total(estimation)[0],
+                ratios=ratios(base),
+                before_rms=before,
+                after_rms=after,
+                floor_rms=floor,
+                per_recording=(*estimation, *report, *loops),
+                homogeneity=same,
+                drive=drive,
+                base=base,
+                seconds=0.0,
+                p_value=significance_of(self.selection.rounds[0]),
+                split=replace(split, estimation=tuple(self.runs)),
+                notes=notes_of(drive, split, loops, self.bench.runs, units),
+                maps=tuple(maps),
+                harmonics=tuple(harmonics(forces, self.runs)),
+                forces=tuple(forces),
+                tied=tied,
+            ),
+            units,
+        )
+
+    def drive(self, best: Fit, name: str) -> Drive:
+        """Return a fit as a drive with its uncertainty."""
+        values = checked(best.values)
+        limits, covariance = uncertainty(best)
+        return Drive(
+            values,
+            {k: v for k, v in limits.items() if k in values},
+            covariance,
+            Provenance(
+                "diagnosis",
+                tuple(r.name for r in self.runs),
+                __version__,
+                "by output error to the estimation recordings",
+            ),
+            name=name,
+            run_to_run=friction_run_to_run(values, self.bench.runs, self.pool),
+            recorded=recorded_range(self.runs),
+        )
+
+    def finding(self, scored: Scored, step: Round, drive: Drive) -> Finding:
+        """Return an accepted candidate with what speaks for it."""
+        before = output_error(self.bench, step.base)
+        after = before if scored.fit is None else output_error(self.bench, scored.fit)
+        ties = step.ties()
+        judged = self.split.report or self.runs
+        compared = [scored, *(t for t in ties if t.fit is not None)]
+        return Finding(
+            *scored.name,
+            _estimates(scored, drive),
+            tuple(Named(*t.name) for t in ties),
+            experiment_for(scored.name[0]) if ties else None,
+            share_of(scored, step),
+            significance_of(step),
+            velocity_rms(judged, before.values, self.pool),
+            velocity_rms(judged, after.values, self.pool),
+            keys=scored.candidate.keys if isinstance(scored.candidate, Candidate) else (),
+            drives=tuple(
+                Drive(checked(s.fit.values), name="@".join(s.name))
+                for s in compared
+                if scored.fit is not None and s.fit is not None
+            ),
+        )
+
+
+def significance_of(step: Round) -> float:
+    """Return the p-value of a round: that of its most significant candidate, each compared with the best of the catalogue.
+
+    What is named may be another that predicts as well with fewer parameters.
+    """
+    return min(s.significance for s in step.scored)
+
+
+def _estimates(scored: Scored, drive: Drive) -> dict[str, Estimate]:
+    """Return a finding's parameters; of an effect with a phase in every run its amplitude, whose square is chi-squared."""
+    candidate = scored.candidate
+    if isinstance(candidate, Phase):
+        amplitude = float(np.sqrt(2.0) * scored.variability[0].size)
+        n = 2 * len(scored.gain)
+        low, high = (amplitude * float(np.sqrt(n / chi2.ppf(q, n))) for q in (0.975, 0.025))
+        unit = "mm" if candidate.where.startswith("encoder") else "V"
+        return {
+            "amplitude": Estimate(amplitude, (low, high), unit),
+            "P": Estimate(candidate.period, (candidate.period, candidate.period), "mm"),
+        }
+    if not isinstance(candidate, Candidate):
+        return {}
+    limits = drive.intervals
+    return {short(k): Estimate(drive[k], limits.get(k, (drive[k], drive[k])), unit_of(k)) for k in candidate.keys}
+
+
+def _verdict(findings: Sequence[Finding], nameless: Unnamed | None, fits: Sequence[RecordingFit]) -> Verdict:
+    """Return the verdict, which report recordings have no part in."""
+    if not findings:
+        return "no_mismatch" if nameless is None else "unexplained"
+    _, after, floor = total(fits)
+    near = not np.isfinite(floor) or after < _NEAR_FLOOR * floor
+    return "explained" if nameless is None and near else "partly_explained"

@@ -1,0 +1,234 @@
+"""Fits of a drive to all recordings, in the metric of their noise.
+
+Whitened by the innovations of a disturbed drive (:mod:`identification.mismatch.noise`) a fit minimises prediction
+errors, which are
+small as soon as the equations of motion hold, so that it finds a drive from far away. Weighted by noise levels alone it minimises
+output errors, which judge long horizons.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import isfinite
+from typing import Protocol
+
+import numpy as np
+
+from flexdrive_gym.drive.effects import LAYOUT
+from flexdrive_gym.drive.parameters import fastest, parameter
+from flexdrive_gym.recording import FloatArray
+from identification.mismatch.bench import Bench, Values
+from identification.mismatch.score import Normal
+from identification.replay.output_error import PHYSICS_S
+
+# step of a finite difference, in scaled coordinates, far above round-off: sticking makes residuals smooth only piece by piece
+_STEP = 2e-3
+# a rate times the step beyond which an effect is as good as instantaneous
+_FASTEST = 30.0
+
+
+class Metric(Protocol):
+    """What turns rows into white ones."""
+
+    def white(self, x: FloatArray) -> FloatArray:
+        """Return whitened rows of raw ones, shape (N,) or (N, k)."""
+
+
+_MASSES = frozenset({"m1", "m2", "k"})
+_LONGEST_STEP = 0.7
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A drive at an optimum.
+
+    Attributes
+    ----------
+    values
+        Its parameters.
+    names
+        Those that were fitted.
+    cost
+        Squared whitened residual.
+    residual : ndarray, shape (N,)
+        Raw rows.
+    jacobian : ndarray, shape (N, p)
+        Their derivatives with respect to the scaled coordinates.
+    interior : ndarray of bool, shape (p,)
+        Which parameters do not rest at a bound.
+    scale : ndarray, shape (p,)
+        Change of a parameter per unit of its coordinate.
+    """
+
+    values: dict[str, float]
+    names: tuple[str, ...]
+    cost: float
+    residual: FloatArray
+    jacobian: FloatArray
+    interior: FloatArray
+    scale: FloatArray
+    bench: Bench
+    metric: Metric
+
+    @cached_property
+    def normal(self) -> Normal:
+        """Return the normal equations per unit, of the parameters that do not rest at a bound."""
+        both = np.column_stack([self.jacobian[:, self.interior], self.residual])
+        return Normal.of(self.bench.products(self.metric.white(both)))
+
+
+class Coordinates:
+    """Parameters as an optimiser sees them: logarithms of what is positive, the rest against a typical size."""
+
+    def __init__(
+        self, names: Sequence[str], start: Values, bounds: Mapping[str, tuple[float, float]] | None = None
+    ) -> None:
+        self.names = tuple(names)
+        self.log = np.array([_logarithmic(n) for n in names], dtype=bool)
+        self.scale = np.array([_typical(n, start) for n in names])
+        limits = [(bounds or {}).get(n, (parameter(n).lower, parameter(n).upper)) for n in names]
+        low, high = np.array(limits, dtype=np.float64).reshape(-1, 2).T
+        with np.errstate(divide="ignore"):
+            self.low = np.where(self.log, np.log(np.maximum(low, 1e-300)), low / self.scale)
+            self.high = np.where(self.log, np.log(np.maximum(high, 1e-300)), high / self.scale)
+
+    def of(self, values: Values) -> FloatArray:
+        """Return the coordinates of a drive, within bounds."""
+        x = np.array([values.get(n, parameter(n).null) for n in self.names])
+        z = np.where(self.log, np.log(np.maximum(x, 1e-300)), x / self.scale)
+        return np.asarray(np.clip(z, self.low, self.high))
+
+    def to(self, z: FloatArray, values: Values) -> dict[str, float]:
+        """Return the drive at coordinates."""
+        z = np.clip(z, self.low, self.high)
+        x = np.where(self.log, np.exp(np.where(self.log, z, 0.0)), z * self.scale)
+        return {**values, **{n: float(v) for n, v in zip(self.names, x, strict=True)}}
+
+    def rate(self, z: FloatArray) -> FloatArray:
+        """Return the change of every parameter per unit of its coordinate."""
+        return np.asarray(np.where(self.log, np.exp(np.where(self.log, z, 0.0)), self.scale))
+
+
+def _logarithmic(name: str) -> bool:
+    if name in _MASSES:
+        return True
+    q = LAYOUT[name].parameter
+    return (q.role == "shape" and q.lower >= 0.0) or not isfinite(q.null)
+
+
+def _typical(name: str, start: Values) -> float:
+    if name in {"b1", "b2", "d1", "d2"}:
+        same = [abs(start.get(f"{name[0]}{c}", 0.0)) for c in (1, 2)]
+        mass = start.get("m1", 1.0)
+        return max(abs(start.get(name, 0.0)), 0.1 * max(same), 1.0 * mass if name[0] == "b" else 1e-3)
+    own = abs(start.get(name, 0.0))
+    return own if own > 0.0 else (abs(LAYOUT[name].parameter.starts[0]) if LAYOUT[name].parameter.starts else 1.0)
+
+
+def fit(
+    bench: Bench,
+    metric: Metric,
+    start: Values,
+    names: Sequence[str],
+    *,
+    iterations: int | None = None,
+    jacobian: FloatArray | None = None,
+) -> Fit:
+    """Fit parameters by damped Gauss-Newton steps (K. Levenberg 1944, D. Marquardt 1963) within their bounds.
+
+    Derivatives are carried along accepted steps (C. G. Broyden, Math. Comp. 19, 1965) and made anew when steps no longer help.
+
+    Parameters
+    ----------
+    start
+        Drive to start from.
+    names
+        Parameters to fit.
+    iterations
+        Most steps; default: that of the settings.
+    jacobian : ndarray, shape (N, p)
+        Derivatives of the raw rows with respect to the parameters themselves, known near the start.
+    """
+    settings = bench.settings
+    c = Coordinates(names, start, bench.bounds)
+    z, damping = c.of(start), 1e-3
+    now = c.to(z, start)
+    raw = bench.residual(now)
+    white = metric.white(raw)
+    cost, fresh = float(white @ white), jacobian is None
+    S = _jacobian(bench, c, z, now, raw) if jacobian is None else jacobian * c.rate(z)
+    for _ in range(settings.iterations if iterations is None else iterations):
+        W = metric.white(S)
+        H, g, before = W.T @ W, W.T @ white, cost
+        for _attempt in range(6 if fresh else 2):
+            new = _stepped(c, z, H, g, damping)
+            trial = c.to(new, start)
+            if fastest(trial)[0] * PHYSICS_S < _FASTEST:
+                moved = bench.residual(trial)
+                moved_white = metric.white(moved)
+                square = float(moved_white @ moved_white)
+                if square < cost:
+                    dz = new - z
+                    S = S + np.outer((moved - raw - S @ dz) / max(float(dz @ dz), 1e-300), dz)
+                    z, now, raw, white, cost = new, trial, moved, moved_white, square
+                    damping = max(0.2 * damping, 1e-7)
+                    break
+            damping = 8.0 * max(damping, 1e-3)
+        stalled = before - cost < settings.tolerance * cost
+        if stalled and fresh:
+            break
+        if stalled or before - cost > 0.5 * before:
+            S, damping = _jacobian(bench, c, z, now, raw), min(damping, 1e-2)
+        fresh = stalled
+    if not fresh:
+        S = _jacobian(bench, c, z, now, raw)
+    inside = (z > c.low + 1e-9) & (z < c.high - 1e-9) & (np.sum(S**2, axis=0) > 0.0)
+    return Fit(now, c.names, cost, raw, S, inside, c.rate(z), bench, metric)
+
+
+def _stepped(c: Coordinates, z: FloatArray, H: FloatArray, g: FloatArray, damping: float) -> FloatArray:
+    free = ~(((z <= c.low + 1e-12) & (g > 0.0)) | ((z >= c.high - 1e-12) & (g < 0.0))) & (np.diag(H) > 0.0)
+    step = np.zeros(len(z))
+    if free.any():
+        A = H[np.ix_(free, free)]
+        step[free] = -np.linalg.solve(A + damping * np.diag(np.diag(A)), g[free])
+    longest = float(np.max(np.abs(step) / np.where(c.log, _LONGEST_STEP, np.maximum(1.0, np.abs(z))), initial=0.0))
+    return np.asarray(np.clip(z + step / max(1.0, longest), c.low, c.high))
+
+
+def _jacobian(bench: Bench, c: Coordinates, z: FloatArray, values: Values, here: FloatArray) -> FloatArray:
+    S = np.empty((len(here), len(z)))
+    for i in range(len(z)):
+        step = _STEP if z[i] + _STEP <= c.high[i] else -_STEP
+        moved = z.copy()
+        moved[i] += step
+        S[:, i] = (bench.residual(c.to(moved, values)) - here) / step
+        if not S[:, i].any():
+            # what holds a cart at rest may change somewhat without any effect
+            moved[i] = z[i] + 100.0 * step
+            S[:, i] = (bench.residual(c.to(moved, values)) - here) / (100.0 * step)
+    return S
+
+
+def intervals(best: Fit) -> Mapping[str, tuple[float, float]]:
+    """Return 95 % intervals from leaving out one recording after the other (jackknife), Student's t with R - 1 degrees."""
+    from scipy.stats import t as student  # noqa: PLC0415
+
+    n = best.normal
+    R = len(n.square)
+    H, g = n.information.sum(axis=0), n.gradient.sum(axis=0)
+    steps = [n.step(H - n.information[r], g - n.gradient[r], best.bench.settings.damping) for r in range(R)]
+    spread = np.sqrt((R - 1.0) / R * np.sum((np.array(steps) - np.mean(steps, axis=0)) ** 2, axis=0))
+    half = float(student.ppf(0.975, max(R - 1, 1))) * spread
+    found = {name: (best.values[name], best.values[name]) for name in best.names}
+    inner = [(name, s) for name, s, i in zip(best.names, best.scale, best.interior, strict=True) if i]
+    for (name, scale), h in zip(inner, half, strict=True):
+        q, value = parameter(name), best.values[name]
+        if _logarithmic(name):
+            low, high = value * np.exp(-min(h, 300.0)), value * np.exp(min(h, 300.0))
+        else:
+            low, high = value - h * scale, value + h * scale
+        found[name] = (float(max(low, q.lower)), float(min(high, q.upper)))
+    return found

@@ -1,0 +1,155 @@
+r"""Run-to-run variability: what differs between recordings of any rig, and is nobody's missing physics.
+
+On cart c it is a force
+
+.. math:: -\operatorname{sgn}(v_c)\, d_c \Bigl(l + \sum_k w_k \Lambda_k(t) + \sum_j r_j \sin(2\pi x_c/\lambda_j + \varphi_j)\Bigr)
+   + \sum_j h_j \sin(2\pi x_c/\lambda_j + \varphi_j) + c ,
+
+with a friction level l, hat functions :math:`\Lambda_k` every two seconds, wavelengths half an octave apart, and a constant c;
+and the deflection in which the spring starts. Amplitudes are random effects of every recording. Their prior standard deviations
+were measured on ``mte360_2022`` and ``mte360_2025`` (replicates of the same command, ``python -m benchmarks blind_nuisance``),
+relative to the rig's own dry friction, so that they carry over to rigs of other scales.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from flexdrive_gym.recording import FloatArray
+from identification.mismatch.bench import Bench, Values
+
+# relative to the Coulomb level: between runs, within a run, along the track; and forces along the track and constant ones
+LEVEL, WANDER, ROUGH, HILLS, CONSTANT = 0.06, 0.04, 0.026, 0.011, 0.03
+# a spring starts anywhere within the friction of the easier cart: uniform, ±0.7 of it
+START = 0.4
+WAVES_MM = (4.0, 6.0, 9.0, 13.5, 20.0, 30.0, 45.0, 68.0, 100.0)
+KNOT_S = 2.0
+# spread of the places where recordings begin
+PLACE_MM = 25.0
+_SMOOTH_S = 0.004
+# of the rms speed: slower than this a cart may rest
+_RESTING = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Direction:
+    """One way in which a recording may differ.
+
+    Attributes
+    ----------
+    group
+        Directions of one group have one standard deviation, relative to their prior one.
+    size
+        Prior standard deviation of the amplitude.
+    change : ndarray, shape (N,)
+        Change of the rows per unit amplitude.
+    wave
+        For a ripple along the track: what it is (cart and kind of force), its wavelength [mm], and whether it is the sine (0) or
+        the cosine (1). The track is the same in all recordings, which begin anywhere on it.
+    force
+        From a recording's number to the force on each cart per unit amplitude, ndarray, shape (2, n); ``None`` where it
+        is no force.
+    """
+
+    group: str
+    size: float
+    change: FloatArray
+    wave: tuple[str, float, int] | None = None
+    force: Callable[[int], FloatArray] | None = None
+
+
+def directions(bench: Bench, values: Values) -> list[Direction]:
+    """Return how the rows of a drive change with everything that differs from run to run."""
+    made: list[tuple[str, float, Callable[[int], FloatArray], tuple[str, float, int] | None]] = []
+    for c in range(bench.carts):
+        level = dry_level(values, c)
+        if level <= 0.0 or not any(run.keep[c].any() for run in bench.runs):
+            continue
+        against = [-level * moving(run.measured[c], run.sample_time, positions=run.positions) for run in bench.runs]
+        ones = [np.full(len(run.u), level) for run in bench.runs]
+        made.append((f"friction of cart {c + 1}", LEVEL, partial(_shaped, c, against, None), None))
+        made.append(("constant force", CONSTANT, partial(_shaped, c, ones, None), None))
+        longest = max(len(run.u) * run.sample_time for run in bench.runs)
+        made += [
+            ("wander", WANDER, partial(_shaped, c, against, partial(_hat, bench, k * KNOT_S)), None)
+            for k in range(int(np.ceil(longest / KNOT_S)) + 1)
+        ]
+        for length in WAVES_MM:
+            for turn in (0, 1):
+                wave = partial(_wave, bench, c, length, 0.5 * np.pi * turn)
+                made.append(("rough track", ROUGH, partial(_shaped, c, against, wave), (f"rough {c}", length, turn)))
+                made.append(
+                    ("hills of the track", HILLS, partial(_shaped, c, ones, wave), (f"hills {c}", length, turn))
+                )
+    level = max((dry_level(values, c) for c in range(bench.carts)), default=0.0)
+    changes = bench.pushed(values, [force for _, _, force, _ in made], max(0.05 * level, 1e-6)) if made else []
+    found = [Direction(g, s, change, wave, force) for (g, s, force, wave), change in zip(made, changes, strict=True)]
+    if bench.carts == 2 and values.get("m2", 0.0) < 1e6 and values.get("k", 0.0) > 0.0:
+        band = min(dry_level(values, 0), dry_level(values, 1)) / values["k"]
+        band = max(band, *(max(run.counts, default=0.0) for run in bench.runs))
+        found.append(Direction("start deflection", START * band, bench.displaced(values, max(0.5 * band, 1e-6))))
+    for c in range(bench.carts):
+        # a count is a staircase: where a recording is compared by position, its zero lies anywhere within one
+        change = np.zeros(len(bench.valid))
+        quantum = 0.0
+        for p in bench.pieces:
+            run = bench.runs[p.recording]
+            if p.cart == c and run.positions:
+                change[p.rows] = bench.valid[p.rows]
+                quantum = run.counts[c]
+        if quantum > 0.0:
+            found.append(Direction("zero", quantum, change))
+    return found
+
+
+def drawn(
+    found: Sequence[Direction], scale: Mapping[str, float], recordings: int, draws: int, rng: np.random.Generator
+) -> FloatArray:
+    """Return random amplitudes of every direction, shape (draws, recordings, directions).
+
+    A ripple has one amplitude and phase for the track; every recording meets it from another place.
+    """
+    amplitude = rng.standard_normal((draws, recordings, len(found)))
+    place = PLACE_MM * rng.standard_normal((draws, recordings))
+    index = {d.wave: i for i, d in enumerate(found) if d.wave is not None}
+    for (kind, length, turn), i in index.items():
+        if turn == 0:
+            j = index[kind, length, 1]
+            track = rng.standard_normal((draws, 2))
+            angle = 2.0 * np.pi * place / length
+            amplitude[:, :, i] = track[:, :1] * np.cos(angle) - track[:, 1:] * np.sin(angle)
+            amplitude[:, :, j] = track[:, :1] * np.sin(angle) + track[:, 1:] * np.cos(angle)
+    return np.asarray(amplitude * np.array([d.size * scale.get(d.group, 1.0) for d in found]))
+
+
+def dry_level(values: Values, c: int) -> float:
+    """Return a cart's dry friction while it moves [V]."""
+    return values.get(f"d{c + 1}", 0.0) + values.get(f"presliding.cart_{c + 1}.fd", 0.0)
+
+
+def moving(y: FloatArray, h: float, *, positions: bool) -> FloatArray:
+    """Return the direction in which a cart moves, 0 where it may rest, from its velocity or position."""
+    v = gaussian_filter1d(y, _SMOOTH_S / h)
+    v = np.gradient(v, h) if positions else v
+    limit = _RESTING * float(np.sqrt(np.mean(v**2)))
+    return np.asarray(np.where(np.abs(v) > limit, np.sign(v), 0.0))
+
+
+def _shaped(c: int, level: list[FloatArray], shape: Callable[[int], FloatArray] | None, r: int) -> FloatArray:
+    force = np.zeros((2, len(level[r])))
+    force[c] = level[r] if shape is None else level[r] * shape(r)
+    return force
+
+
+def _hat(bench: Bench, at: float, r: int) -> FloatArray:
+    t = np.arange(len(bench.runs[r].u)) * bench.runs[r].sample_time
+    return np.asarray(np.maximum(0.0, 1.0 - np.abs(t - at) / KNOT_S))
+
+
+def _wave(bench: Bench, c: int, length: float, turn: float, r: int) -> FloatArray:
+    return np.asarray(np.sin(2.0 * np.pi * bench.runs[r].track[c] / length + turn))

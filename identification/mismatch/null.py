@@ -1,0 +1,192 @@
+"""The null distribution: what the same pipeline finds in data of this rig in which nothing is left out.
+
+A draw is a simulation of the present model under everything that is nobody's missing physics: unknown forces of the estimated
+intensities, friction and a track that differ from run to run, and encoder counts. It goes through the drive's own step,
+so what noise
+does to dry friction is in the draws: it dithers the reversals, for the mean of a non-linear drive is not the drive of
+the mean. Every candidate's gain is computed in every draw as it is in the data. Each name is
+judged against the median and the upper spread of its own draws, for a candidate that acts near reversals gains more in
+data that lack
+nothing; the largest over the catalogue gives the p-value. Draws end early where so many have done better that the answer is
+certain (J. Besag, P. Clifford, Sequential Monte Carlo p-values, Biometrika 78, 1991).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lfilter
+
+from flexdrive_gym.recording import FloatArray
+from identification.mismatch.bench import Bench, Values
+from identification.mismatch.evaluate import Name, Table, evaluate
+from identification.mismatch.linear import Linear
+from identification.mismatch.noise import Noise, scattered
+from identification.mismatch.nuisance import Direction, drawn, moving
+
+# quantile that tells the spread of a null distribution's upper half, and what it is of a standard normal variable
+_UPPER, _NORMAL = 0.9, 1.2816
+# least spread that a name's gains are judged by: half of what is strong evidence (R. Kass, A. Raftery, Bayes factors, 1995)
+_LEAST = 1.5
+# draws made at a time, and the first of them, which tell the weights
+_CHUNK, _FIRST = 60, 120
+# time in which an unknown force changes [s]
+_FASTEST_S = 0.01
+# so many better draws end the series
+_ENOUGH = 15
+
+
+@dataclass(frozen=True, eq=False)
+class Null:
+    """Null distribution of a catalogue.
+
+    Attributes
+    ----------
+    mean, spread
+        Centre and upper spread of every name's gain over the draws.
+    largest : ndarray, shape (draws,)
+        Largest standardised gain of any name.
+    """
+
+    mean: dict[Name, float]
+    spread: dict[Name, float]
+    largest: FloatArray
+
+    @classmethod
+    def of(cls, gain: Mapping[Name, FloatArray]) -> Null:
+        """Return the distribution from every name's gains over the draws."""
+        mean = {n: float(np.median(g)) for n, g in gain.items()}
+        # predicting others badly has no limit, predicting them well has: the spread that matters is that of the upper half
+        raw = {n: (float(np.quantile(g, _UPPER)) - mean[n]) / _NORMAL for n, g in gain.items()}
+        # a gain that is strong evidence in one name is not ten times as strong in another that hardly ever gains
+        spread = {n: max(s, _LEAST) for n, s in raw.items()}
+        return cls(mean, spread, np.max([(g - mean[n]) / spread[n] for n, g in gain.items()], axis=0))
+
+    def score(self, name: Name, gain: float) -> float:
+        """Return a gain in spreads of its own null distribution above its centre."""
+        typical = float(np.median(list(self.spread.values())))
+        return (gain - self.mean.get(name, 0.0)) / self.spread.get(name, typical)
+
+    def p_value(self, name: Name, gain: float) -> float:
+        """Return how often the best of the catalogue gains as much where nothing is left out."""
+        return float((1 + np.sum(self.largest >= self.score(name, gain))) / (len(self.largest) + 1))
+
+
+def first_draws(
+    bench: Bench, values: Values, noise: Noise, found: Sequence[Direction], seed: Sequence[int]
+) -> tuple[Noise, FloatArray]:
+    """Return the noise with the weights that simulations of it tell, and their whitened rows, shape (N, draws)."""
+    raw = simulated(bench, values, noise, found, range(_FIRST), seed)
+    noise = scattered(noise, raw, found)
+    return noise, noise.white(raw)
+
+
+def null_of(
+    linear: Linear,
+    values: Values,
+    noise: Noise,
+    found: Sequence[Direction],
+    first: FloatArray,
+    data: Table,
+    seed: Sequence[int],
+) -> tuple[Null, Null]:
+    """Draw the null distributions of gains, and of gains without the experiment that gains most.
+
+    Parameters
+    ----------
+    linear
+        All candidates around the present model.
+    values
+        Present model.
+    found
+        Run-to-run variability.
+    first : ndarray, shape (N, draws)
+        Whitened rows of draws made already.
+    data
+        Gains in the data, which tell when draws are enough.
+    seed
+        Of the draws.
+    """
+    bench = linear.bench
+    gains: list[Table] = [evaluate(linear, first)]
+    made = first.shape[1]
+    while True:
+        gain = {n: np.concatenate([t.total[n] for t in gains]) for n in gains[0].total}
+        rest = {n: np.concatenate([t.rest[n] for t in gains]) for n in gains[0].rest}
+        nulls = Null.of(gain), Null.of(rest)
+        best = min(
+            max(null.p_value(n, float(own[n][0])) for null, own in zip(nulls, (data.total, data.rest), strict=True))
+            for n in data.total
+        )
+        if made >= bench.settings.draws or best * (made + 1) > _ENOUGH:
+            return nulls
+        rows = noise.white(simulated(bench, values, noise, found, range(made, made + _CHUNK), seed))
+        gains.append(evaluate(linear, rows))
+        made += _CHUNK
+
+
+def simulated(
+    bench: Bench, values: Values, noise: Noise, found: Sequence[Direction], draws: range, seed: Sequence[int]
+) -> FloatArray:
+    """Return rows of simulated data sets against the drive itself, shape (N, draws)."""
+    here = bench.residual(values, [np.zeros((2, len(run.u))) for run in bench.runs])
+    forces = [d for d in found if d.force is not None]
+    shapes = [
+        np.array([d.force(r) for d in forces], dtype=np.float32)
+        for r in range(len(bench.runs))
+        if forces  # type: ignore[misc]
+    ]
+    moved = [d for d in found if d.force is None]
+    # what disturbs a cart is friction for the most part: at rest it holds, as the recordings show
+    moves = [
+        np.array([moving(x, run.sample_time, positions=True) != 0.0 for x in run.track], dtype=np.float64)
+        for run in bench.runs
+    ]
+
+    def one(draw: int) -> FloatArray:
+        rng = np.random.default_rng([*seed, draw])
+        amplitude = drawn(found, noise.scale, len(bench.runs), 1, rng)[0] if found else np.zeros((len(bench.runs), 0))
+        index = [i for i, d in enumerate(found) if d.force is not None]
+        pushes = []
+        for r, run in enumerate(bench.runs):
+            push = _forces(noise, r, len(run.u), run.sample_time, rng) * moves[r]
+            if forces:
+                push += np.tensordot(amplitude[r, index].astype(np.float32), shapes[r], axes=1)
+            pushes.append(push)
+        rows = here - bench.residual(values, pushes) + _rounding(bench, rng)
+        for i, d in enumerate(found):
+            if d.force is None and moved:
+                for r, own in enumerate(bench.rows):
+                    rows[own] += d.change[own] * amplitude[r, i]
+        return np.asarray(rows * bench.valid)
+
+    return np.column_stack(list(bench.pool.map(one, draws)))
+
+
+def _forces(noise: Noise, r: int, n: int, h: float, rng: np.random.Generator) -> FloatArray:
+    """Return unknown forces on both carts, shape (2, n) [V]."""
+    own, found = float(noise.own[r]), np.empty((2, n))
+    keep = float(np.exp(-h / noise.forces.time_s))
+    # blocks of rows tell nothing of what is faster than this
+    knots = np.arange(0.0, (n + 1) * h + _FASTEST_S, _FASTEST_S)
+    at = h * np.arange(n)
+    for c in range(2):
+        white = np.interp(at, knots, rng.standard_normal(len(knots)) * noise.forces.white[c] / np.sqrt(_FASTEST_S))
+        drive = rng.standard_normal(n) * noise.forces.slow[c] * np.sqrt(1.0 - keep**2)
+        drive[0] = rng.standard_normal() * noise.forces.slow[c]
+        found[c] = own * (white + lfilter([1.0], [1.0, -keep], drive))
+    return found
+
+
+def _rounding(bench: Bench, rng: np.random.Generator) -> FloatArray:
+    """Return what encoder counts add to the rows."""
+    found = np.zeros(len(bench.valid))
+    for p in bench.pieces:
+        run = bench.runs[p.recording]
+        size = float(np.sqrt(bench.rounding[run.name][p.cart]))
+        n = p.rows.stop - p.rows.start
+        error = size * np.sqrt(3.0) * rng.uniform(-1.0, 1.0, n + 1)
+        found[p.rows] = error[1:] if run.positions else np.diff(error) / (run.block * run.sample_time)
+    return found

@@ -1,0 +1,468 @@
+"""Forward selection of effects, then backward: which candidates improve the prediction of other experiments beyond the null."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexdrive_gym.recording import FloatArray
+from identification.mismatch.bench import Bench, Values
+from identification.mismatch.candidates.catalogue import Candidate, catalogue
+from identification.mismatch.candidates.free import Shape, shapes
+from identification.mismatch.candidates.narrow_band import Line
+from identification.mismatch.candidates.phases import Phase
+from identification.mismatch.evaluate import Name, Table, evaluate
+from identification.mismatch.fit import Fit, fit
+from identification.mismatch.linear import Linear, linearise
+from identification.mismatch.noise import Noise, estimate, first_noise
+from identification.mismatch.nuisance import Direction, directions, dry_level
+from identification.mismatch.null import Null, first_draws, null_of
+from identification.mismatch.score import Normal, gains, studentised, trimmed
+from identification.mismatch.start import base_starts, candidate_starts, far_starts
+from identification.topology import Topology
+
+Say = Callable[[str], None]
+# iterations of a first try from every start
+_TRY = 4
+# paired t under which two candidates predict alike
+TIE = 2.0
+# share of a gain that is no difference between two candidates
+NEGLIGIBLE = 0.01
+# log-likelihood that a parameter must gain to join the generous model: Akaike's one, and one for having been chosen
+_WORTH = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Scored:
+    """A candidate at its optimum, with its score in every unit.
+
+    Attributes
+    ----------
+    candidate
+        A named effect, one with a phase of its own in every run, or a shape without a name.
+    fit
+        The drive with it; ``None`` where only its linear change was looked at.
+    gain : ndarray, shape (U,)
+        Gain of predictive log-likelihood.
+    size
+        How many parameters it adds.
+    p, p_rest
+        P-values of its gain, and of its gain without the experiment that gains most.
+    variability
+        What every recording has its own amplitudes of, where the candidate has a phase.
+    """
+
+    candidate: Candidate | Shape | Phase | Line
+    fit: Fit | None
+    gain: FloatArray
+    size: int
+    p: float = 1.0
+    p_rest: float = 1.0
+    variability: tuple[Direction, ...] = ()
+
+    @property
+    def name(self) -> Name:
+        """What a finding is called by."""
+        return self.candidate.name
+
+    @property
+    def total(self) -> float:
+        """Gain over all units."""
+        return float(self.gain.sum())
+
+    @property
+    def significance(self) -> float:
+        """The larger p-value: an experiment alone may gain by chance or by a fault, so the rest must gain, too."""
+        return max(self.p, self.p_rest)
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """One step of the forward selection.
+
+    Attributes
+    ----------
+    base
+        Fit of the model before it.
+    scored
+        Every candidate that was fitted, the one that is named first.
+    null, null_rest
+        Null distributions of gains, and of gains without the experiment that gains most.
+    noise
+        Of the rows.
+    accepted
+        Whether the first one is taken.
+    variability
+        Run-to-run variability.
+    """
+
+    base: Fit
+    scored: tuple[Scored, ...]
+    null: Null
+    null_rest: Null
+    noise: Noise
+    accepted: bool
+    variability: tuple[Direction, ...] = ()
+
+    @property
+    def best(self) -> Scored:
+        """Return the first candidate."""
+        return self.scored[0]
+
+    def ties(self) -> list[Scored]:
+        """Return the other candidates whose scores over units do not differ from the first one's, at most three."""
+        return [s for s in self.scored[1:] if s.name != self.best.name and tied(self.best, s)][:3]
+
+
+def tied(best: Scored, other: Scored) -> bool:
+    """Whether the paired scores of two candidates do not differ, and the other one predicts nearly as well.
+
+    Two names for one force differ by round-off alone, the same everywhere: that is no difference either.
+    """
+    if other.total < 0.5 * best.total:
+        return False
+    difference = best.gain - other.gain
+    return float(difference.sum()) < NEGLIGIBLE * abs(best.total) or float(studentised(difference)) < TIE
+
+
+def ranked(scored: Sequence[Scored], significant: Sequence[Scored]) -> list[Scored]:
+    """Return candidates with the one that is named first: ranked by gain, tested by p-value.
+
+    Of the significant ones that with the largest gain shows that something is there. Whatever predicts as well or better is asked
+    who predicts best, be it significant by itself or not, and of those that tie with that one the least is said: the name with
+    the fewest parameters.
+    """
+    order = sorted(scored, key=lambda s: -s.total)
+    names = {s.name for s in significant} or {order[0].name}
+    leader = next(s for s in order if s.name in names)
+    top = next(s for s in order if s is leader or tied(leader, s))
+    alike = [s for s in order if s is top or tied(top, s)]
+    first = min(alike, key=lambda s: (isinstance(s.candidate, Shape | Line), s.size, -s.total))
+    return [first, *(s for s in order if s is not first)]
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """All rounds, and the drive at the end.
+
+    Attributes
+    ----------
+    rounds
+        The last one accepted nothing, unless the most effects were reached.
+    first
+        Fit of the base model.
+    model
+        Fit with all accepted effects.
+    accepted
+        The candidates taken, in order, with their rounds.
+    variability
+        Run-to-run variability around the final model.
+    """
+
+    rounds: tuple[Round, ...]
+    first: Fit
+    model: Fit
+    accepted: tuple[tuple[Scored, Round], ...]
+    variability: tuple[Direction, ...]
+
+
+class Selector:
+    """Selects effects for the recordings of one drive.
+
+    Parameters
+    ----------
+    bench
+        Recordings.
+    topology
+        Bodies, and what every fit moves.
+    known
+        Sizes of effects that the base model has already.
+    alpha
+        Level of the test.
+    seed
+        Of the null draws.
+    say
+        Called with a few words at every step.
+    """
+
+    def __init__(self, bench: Bench, topology: Topology, known: Values, alpha: float, seed: int, say: Say) -> None:
+        self.bench, self.topology, self.alpha, self.seed, self.say = bench, topology, alpha, seed, say
+        self.settings = bench.settings
+        self.known = dict(known)
+        self.base_names = [*topology.free, *self.known]
+        self.candidates = catalogue(topology, self.known)
+
+    def run(self) -> Selection:
+        """Return the selected effects."""
+        self.say("fitting the base model")
+        base = self._first()
+        phases: tuple[Direction, ...] = ()
+        rounds: list[Round] = []
+        taken: list[tuple[Scored, Round]] = []
+        while len(rounds) < self.settings.rounds:
+            self.say(f"round {len(rounds) + 1}")
+            step = self._round(base, phases, taken, len(rounds))
+            rounds.append(step)
+            base = step.base
+            if not step.accepted or isinstance(step.best.candidate, Shape | Line):
+                break
+            taken.append((step.best, step))
+            phases = (*phases, *step.best.variability)
+            base = step.best.fit or base
+        taken, base = self._backward(taken, base, rounds[-1])
+        return Selection(tuple(rounds), rounds[0].base, base, tuple(taken), rounds[-1].variability)
+
+    def _first(self) -> Fit:
+        """Fit the base model from every start there is."""
+        starts = base_starts(self.bench, self.topology)
+        noise = first_noise(self.bench, starts[0])
+        tries = self.bench.pool.map(
+            lambda values: fit(self.bench, noise, {**values, **self.known}, self.base_names, iterations=_TRY), starts
+        )
+        best = sorted(tries, key=lambda f: f.cost)[:2]
+        return min((fit(self.bench, noise, f.values, f.names) for f in best), key=lambda f: f.cost)
+
+    def _round(
+        self, base: Fit, phases: tuple[Direction, ...], taken: Sequence[tuple[Scored, Round]], number: int
+    ) -> Round:
+        bench, seed = self.bench, [self.seed, number]
+        named = {s.name for s, _ in taken}
+        candidates = [c for c in self.candidates if c.name not in named]
+        model, fits = base, {}
+        for turn in range(2):
+            # what is noise is told by a model that lacks nothing: first one that has candidates linearly, then the best fit
+            found = (*directions(bench, model.values), *phases)
+            noise = estimate(bench, model.values, model.residual, found)
+            if turn == 0:
+                base = fit(bench, noise, base.values, base.names)
+                linear = self._linear(base, noise, candidates)
+                noise = estimate(bench, base.values, _generous(linear, base.residual), found)
+            noise, first = first_draws(bench, base.values, noise, found, seed)
+            base = fit(bench, noise, base.values, base.names)
+            linear = linear.around(base, noise)
+            table = evaluate(linear, linear.residual[:, None])
+            jobs = [(c, f.values) for c, f in fits.values()] or self._jobs(
+                base, linear, table, first, candidates, number
+            )
+            fits = self._fits(base, noise, jobs)
+            model = min((f for _, f in fits.values()), key=lambda f: f.cost, default=base)
+            if model.cost > (1.0 - self.settings.large) * base.cost:
+                break
+        better, roughness = self._better_base(base, noise, fits)
+        if better is not base:
+            base, linear = better, linear.around(better, noise)
+            table = evaluate(linear, linear.residual[:, None])
+        null, null_rest = null_of(linear, base.values, noise, found, first, table, seed)
+        scored = _scored(base, linear, table, fits, null, null_rest, roughness)
+        # whatever may be named is fitted before it is
+        least = 0.5 * max((s.total for s in scored if s.significance <= self.alpha), default=np.inf)
+        missing = {s.name for s in scored if s.fit is None and s.total >= least > 0.0}
+        more = candidate_starts(base, linear, table, [c for c in candidates if c.name in missing], len(missing))
+        if missing:
+            fits |= self._fits(base, noise, [job for job in more if job[0].name in missing])
+            scored = _scored(base, linear, table, fits, null, null_rest, roughness)
+        significant = [s for s in scored if s.significance <= self.alpha and s.total > 0.0]
+        order = ranked(self._pruned(base, noise, scored, significant), significant)
+        return Round(base, tuple(order), null, null_rest, noise, bool(significant), found)
+
+    def _linear(self, base: Fit, noise: Noise, candidates: Sequence[Candidate]) -> Linear:
+        level = max(dry_level(base.values, c) for c in range(self.bench.carts))
+        free = shapes(self.bench, base.values, max(0.05, 0.1 * level))
+        return linearise(self.bench, noise, base, candidates, free)
+
+    def _jobs(
+        self, base: Fit, linear: Linear, table: Table, first: FloatArray, candidates: Sequence[Candidate], number: int
+    ) -> list[tuple[Candidate, dict[str, float]]]:
+        """Return what to fit: names whose linear change may be significant, and what no linear change shows."""
+        prior = Null.of(evaluate(linear, first).total)
+        likely = {n for n, total in table.total.items() if prior.p_value(n, float(total[0])) <= self.settings.likely}
+        asked = [c for c in candidates if c.name in likely or c.takes]
+        jobs = candidate_starts(base, linear, table, asked, self.settings.proposals)
+        if number == 0 and self._far(base):
+            known = {k: v for k, v in base.values.items() if k not in self.topology.free}
+            jobs += far_starts(self.bench, base, known, candidates)
+        return jobs
+
+    def _fits(
+        self, base: Fit, noise: Noise, jobs: Sequence[tuple[Candidate, Values]]
+    ) -> dict[Name, tuple[Candidate, Fit]]:
+        """Fit candidates, each from all its starts."""
+
+        def tried(job: tuple[Candidate, Values]) -> tuple[Candidate, Fit]:
+            candidate, start = job
+            return candidate, fit(self.bench, noise, start, (*base.names, *candidate.keys), iterations=_TRY)
+
+        best: dict[Name, tuple[Candidate, Fit]] = {}
+        for candidate, found in self.bench.pool.map(tried, jobs):
+            if candidate.name not in best or found.cost < best[candidate.name][1].cost:
+                best[candidate.name] = candidate, found
+        # those that are ahead, and those that the linear change puts first, however far their fits have to go
+        asked = list(dict.fromkeys(candidate.name for candidate, _ in jobs))
+        ahead = sorted(best, key=lambda n: best[n][1].cost)[: self.settings.finished]
+        leading = list(dict.fromkeys([*ahead, *asked[: self.settings.finished // 2]]))
+        ended = self.bench.pool.map(lambda n: fit(self.bench, noise, best[n][1].values, best[n][1].names), leading)
+        return best | {n: (best[n][0], f) for n, f in zip(leading, ended, strict=True)}
+
+    def _far(self, base: Fit) -> bool:
+        """Whether the simulation is so far from the data that its own sensitivities may lead nowhere."""
+        bench = self.bench
+        errors = [
+            float(np.mean(base.residual[p.rows][bench.valid[p.rows]] ** 2))
+            for p in bench.pieces
+            if bench.valid[p.rows].any()
+        ]
+        seen = [s for p, s in zip(bench.pieces, bench.signal, strict=True) if bench.valid[p.rows].any()]
+        return sum(errors) > self.settings.far * sum(seen)
+
+    def _better_base(self, base: Fit, noise: Noise, fits: Mapping[Name, tuple[Candidate, Fit]]) -> tuple[Fit, float]:
+        """Refit the base model from the candidates' optima: a better optimum of it must not pass for a gain.
+
+        Returns the best fit, and by how much the log-likelihoods of its optima differ: dry friction makes a likelihood rough.
+        """
+        leading = sorted(fits.values(), key=lambda item: item[1].cost)[: self.settings.finished]
+
+        def one(item: tuple[Candidate, Fit]) -> Fit:
+            candidate, best = item
+            values = {k: v for k, v in best.values.items() if k not in candidate.keys}
+            for key, taken in candidate.takes:
+                values[taken] = values.get(taken, 0.0) + best.values.get(key, 0.0)
+            return fit(self.bench, noise, values, base.names)
+
+        again = [base, *self.bench.pool.map(one, leading)]
+        costs = np.array([f.cost for f in again])
+        best = again[int(np.argmin(costs))]
+        return (best if best.cost < base.cost - _WORTH else base), float(0.5 * (np.median(costs) - costs.min()))
+
+    def _pruned(self, base: Fit, noise: Noise, scored: Sequence[Scored], significant: Sequence[Scored]) -> list[Scored]:
+        """Return candidates where the best one has no more sizes than it needs: one that predicts as well alone is enough."""
+        best = max(significant, key=lambda s: s.total, default=None)
+        if best is None or best.fit is None or not isinstance(best.candidate, Candidate):
+            return list(scored)
+        whole = best.candidate
+        if len(whole.sizes) < 2 or any(k.rsplit(".", 1)[-1] == "a_sin" for k, _ in whole.sizes):
+            return list(scored)
+        for size in whole.sizes:
+            part = replace(whole, sizes=(size,))
+            start = {k: v for k, v in best.fit.values.items() if k in part.keys or k not in whole.keys}
+            smaller = fit(self.bench, noise, start, (*base.names, *part.keys))
+            gain = gains(base.normal, smaller.normal, self.settings.damping)
+            own = replace(best, candidate=part, fit=smaller, gain=gain, size=len(part.keys))
+            if tied(best, own):
+                return [own if s is best else s for s in scored]
+        return list(scored)
+
+    def _backward(
+        self, taken: list[tuple[Scored, Round]], model: Fit, last: Round
+    ) -> tuple[list[tuple[Scored, Round]], Fit]:
+        """Leave out what no longer predicts beside all others, the least first."""
+        while len(taken) > 1:
+            noise = last.noise
+            model = fit(self.bench, noise, model.values, model.names)
+            weakest: tuple[float, int, Fit] | None = None
+            for i, (scored, _) in enumerate(taken):
+                if not isinstance(scored.candidate, Candidate):
+                    continue
+                names = [n for n in model.names if n not in scored.candidate.keys]
+                values = {k: v for k, v in model.values.items() if k not in scored.candidate.keys}
+                for key, base in scored.candidate.takes:
+                    values[base] = values.get(base, 0.0) + model.values.get(key, 0.0)
+                without = fit(self.bench, noise, values, names)
+                gain = gains(without.normal, model.normal, self.settings.damping)
+                p = max(
+                    last.null.p_value(scored.name, float(gain.sum())),
+                    last.null_rest.p_value(scored.name, float(trimmed(gain))),
+                )
+                if weakest is None or p > weakest[0]:
+                    weakest = p, i, without
+            if weakest is None or weakest[0] <= self.alpha:
+                break
+            model = weakest[2]
+            del taken[weakest[1]]
+        return taken, model
+
+
+def _generous(linear: Linear, raw: FloatArray) -> FloatArray:
+    """Return the raw residual of a model that has, linearly, whatever predicts other experiments."""
+    damping = linear.bench.settings.damping
+    residual = linear.residual[:, None]
+    g, square = linear.gradient(residual)[..., 0], linear.square(residual)[:, 0]
+    columns: list[int] = []
+    before = linear.normal(g, square)
+    rest = [e for e in linear.entries if not e.random]
+    for _ in range(linear.bench.settings.generous):
+        best = None
+        for entry in rest:
+            more = [*columns, *(c for c in entry.columns if c not in columns)]
+            normal = linear.normal(g, square, more)
+            gain = float(gains(before, normal, damping).sum()) - _WORTH * (len(more) - len(columns))
+            if best is None or gain > best[0]:
+                best = gain, entry, normal, more
+        if best is None or best[0] <= 0.0:
+            break
+        _, entry, before, columns = best
+        rest.remove(entry)
+    return np.asarray(raw + linear.columns[:, [*linear.base, *columns]] @ before.solve(damping))
+
+
+def _scored(
+    base: Fit,
+    linear: Linear,
+    table: Table,
+    fits: Mapping[Name, tuple[Candidate, Fit]],
+    null: Null,
+    null_rest: Null,
+    roughness: float,
+) -> list[Scored]:
+    """Return every name with its gain: of its fit where there is one, else of its linear change.
+
+    Null draws know linear changes alone. A fit that gains more has found more, or a better place on a rough likelihood.
+    So the ratio of
+    likelihoods, with what the base model's own optima differ by taken off, and one of the two tests to first order
+    (score and Wald) must both be significant.
+    """
+    found = []
+    for name in {**table.best, **fits}:
+        scored: Scored | None = None
+        if name in table.best:
+            entry = table.best[name]
+            variability: tuple[Direction, ...] = ()
+            if isinstance(entry.candidate, Phase) and entry.variance is not None:
+                group, spread = "@".join(name), float(np.sqrt(entry.variance))
+                variability = tuple(Direction(group, spread, linear.columns[:, c].copy()) for c in entry.columns)
+            p = _p(null, null_rest, name, entry.gain, 0.0)
+            scored = Scored(entry.candidate, None, entry.gain, max(len(entry.columns), 2), *p, variability)
+        if name in fits:
+            candidate, best = fits[name]
+            gain = gains(base.normal, best.normal, linear.bench.settings.damping)
+            if scored is None or not scored.variability or gain.sum() > scored.total:
+                p = _p(null, null_rest, name, gain, roughness)
+                if not candidate.takes:
+                    # an effect that is there changes the simulation to first order, too: where it is absent, or where it is
+                    near = [_p(null, null_rest, name, _wald(candidate, best), 0.0)]
+                    near += [] if scored is None else [(scored.p, scored.p_rest)]
+                    p = max(p, min(near, key=max), key=max)
+                scored = Scored(candidate, best, gain, len(candidate.keys), *p)
+        assert scored is not None
+        found.append(scored)
+    return sorted(found, key=lambda s: -s.total)
+
+
+def _wald(candidate: Candidate, best: Fit) -> FloatArray:
+    """Return the gain per unit as the linear change around the fit with a candidate tells it."""
+    sizes = {key for key, _ in candidate.sizes}
+    names = [n for n, i in zip(best.names, best.interior, strict=True) if i]
+    J, scale = best.jacobian[:, best.interior], best.scale[best.interior]
+    size = np.array([best.values[n] / s if n in sizes else 0.0 for n, s in zip(names, scale, strict=True)])
+    own = np.array([n in candidate.keys for n in names], dtype=bool)
+    white = best.metric.white(np.column_stack([J, best.residual, best.residual - J @ size]))
+    p = len(names)
+    damping = best.bench.settings.damping
+    full = Normal.of(best.bench.products(white[:, [*range(p), p]]))
+    base = Normal.of(best.bench.products(white[:, [*np.flatnonzero(~own), p + 1]]))
+    return gains(base, full, damping)
+
+
+def _p(null: Null, null_rest: Null, name: Name, gain: FloatArray, less: float) -> tuple[float, float]:
+    return null.p_value(name, float(gain.sum()) - less), null_rest.p_value(name, float(trimmed(gain)) - less)

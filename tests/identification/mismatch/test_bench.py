@@ -1,0 +1,38 @@
+"""Rows of residuals: free simulation, and positions where velocities are rounding."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from flexdrive_gym import Drive, Recording
+from tests.drive.drives import RIG
+from tests.identification.mismatch.lab import KINDS, T, bench_of, data_set
+
+
+def test_a_ground_spring_follows_the_simulation_and_not_the_measured_track():
+    values = {**RIG, "ground_spring.kg": 0.05}
+    runs = data_set({"ground_spring.kg": 0.05}, force=0.0)
+    wrong = [replace(r, v1=r.v1 + 40.0 * (r.t > 0.4995), v2=r.v2 + 40.0 * (r.t > 0.4995)) for r in runs]
+    with bench_of(runs) as bench, bench_of(wrong) as other:
+        # what was measured moves the rows by itself, and the simulation not at all
+        difference = other.residual(values) - bench.residual(values)
+    assert set(np.round(difference, 6)) == {0.0, 40.0}
+
+
+def test_motion_of_a_few_counts_is_compared_by_position():
+    t = np.arange(4000) * 1e-3
+    q = 0.06
+    fine = 0.2 * np.sin(2.0 * np.pi * 0.5 * t)
+    small = Recording("small", t, fine, x1=q * np.round(fine / q), quantum=(q, 0.0))
+    large = replace(small, name="large", x1=q * np.round(500.0 * fine / q))
+    with bench_of([small, large]) as bench:
+        assert bench.names == ["large", "small"]
+        assert [run.positions for run in bench.runs] == [False, True]
+
+
+def test_the_true_drive_leaves_nothing():
+    drive = Drive(RIG)
+    runs = [drive.simulate(T, r.u, name=r.name) for r in data_set(force=0.0, kinds=KINDS[2:])]
+    with bench_of([replace(r, x1=None, x2=None) for r in runs]) as bench:
+        # a thousandth of what encoder counts leave: events are located to the order of the step, in lanes as singly
+        assert np.sqrt(np.mean(bench.residual(RIG) ** 2)) < 1e-3

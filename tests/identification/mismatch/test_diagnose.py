@@ -1,0 +1,103 @@
+"""The whole diagnosis on generated data: power, calibration, and recordings that nothing is chosen by."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from flexdrive_gym import Excitation
+from identification.mismatch.diagnose import diagnose
+from identification.recordings import RecordingSet, Rig
+from tests.identification.mismatch.lab import QUICK, data_set
+
+EFFECTS = {
+    "ground_spring": {"ground_spring.kg": 0.05},
+    "input_delay": {"input_delay.tau": 0.006},
+}
+
+
+@cache
+def _diagnosed(effect):
+    return diagnose(_runs(effect), settings=QUICK, jobs=1)
+
+
+def _runs(effect):
+    return data_set(EFFECTS.get(effect), force=0.05)
+
+
+@pytest.mark.parametrize("effect", ["ground_spring", "input_delay"])
+def test_a_plain_effect_is_named_or_tied_with_its_size(effect):
+    found = _diagnosed(effect)
+    names = [f.id for f in found.findings] + [t.id for f in found.findings for t in f.ties]
+    assert effect in names
+    first = found.findings[0]
+    assert first.p_value <= 0.02
+    assert found.after_rms < 0.7 * found.before_rms
+    if first.id == effect:
+        (key, true), *_ = EFFECTS[effect].items()
+        assert first.parameters[key.split(".")[-1]].value == pytest.approx(true, rel=0.15)
+
+
+def test_a_rig_that_lacks_nothing_gets_no_name():
+    found = _diagnosed(None)
+    assert found.findings == ()
+    assert found.verdict == "no_mismatch"
+
+
+def test_report_recordings_change_nothing_but_the_reported_errors():
+    runs = [replace(r, excitation=Excitation("other")) for r in _runs("ground_spring")]
+    before = diagnose(runs, settings=QUICK, jobs=1)
+    (kept,) = before.split.report
+    rng = np.random.default_rng(0)
+    noisy = [
+        replace(r, v1=rng.normal(size=r.n), v2=rng.normal(size=r.n), u=rng.normal(size=r.n))
+        if r.name == kept.name
+        else r
+        for r in runs
+    ]
+    after = diagnose(noisy, settings=QUICK, jobs=1)
+    assert after.after_rms != before.after_rms
+    for one, other in ((before.drive, after.drive), (before.base, after.base)):
+        assert one.values == other.values
+        assert one.intervals == other.intervals
+        assert np.array_equal(one.covariance.matrix, other.covariance.matrix)
+        assert np.array_equal(one.run_to_run.matrix, other.run_to_run.matrix)
+        assert one.recorded == other.recorded
+    told = [d.as_json() for d in (before, after)]
+    for entry in told:
+        entry["seconds"] = 0.0
+        entry["fit"]["per_recording"] = [f for f in entry["fit"]["per_recording"] if f["part"] == "estimation"]
+        for name in ("before_rms", "after_rms", "floor_rms"):
+            entry["fit"][name] = None
+        for finding in entry["findings"]:
+            finding["heldout_rms_before"] = finding["heldout_rms_after"] = None
+    assert told[0] == told[1]
+
+
+def test_the_diagnosed_drive_can_be_drawn_within_its_intervals():
+    found = _diagnosed("ground_spring")
+    drawn = np.array([d["ground_spring.kg"] for d in found.drive.draw(np.random.default_rng(0), 500)])
+    low, high = found.findings[0].parameters["kg"].ci95
+    assert np.quantile(drawn, [0.025, 0.975]) == pytest.approx([low, high], rel=0.05)
+
+
+def test_the_answer_is_the_same_for_any_number_of_jobs_and_has_schema_2():
+    one, two = _diagnosed("input_delay").as_json(), diagnose(_runs("input_delay"), settings=QUICK, jobs=2).as_json()
+    assert one.pop("seconds") > 0.0
+    two.pop("seconds")
+    assert one == two
+    assert one["schema"] == 2
+    assert set(one["split"]) == {"estimation", "selection", "report"}
+
+
+def test_a_level_outside_0_to_1_is_an_error():
+    with pytest.raises(ValueError, match="alpha: must lie between 0 and 1; got 2. The default is 0.02"):
+        diagnose(data_set()[:1], alpha=2.0)
+
+
+def test_what_the_rig_description_knows_belongs_to_the_base_model():
+    runs = RecordingSet(_runs("ground_spring"), rig=Rig(known=("ground_spring",)))
+    found = diagnose(runs, settings=QUICK, jobs=1)
+    assert "ground_spring" not in {f.id for f in found.findings}
+    assert found.base["ground_spring.kg"] == pytest.approx(0.05, rel=0.05)
