@@ -34,11 +34,14 @@ class Run:
     timing
     lost
         Number of lost samples.
+    zero
+        Where the carts stood at its start, by the rig's zero [mm].
     """
 
     recording: Recording
     timing: Timing
     lost: int
+    zero: tuple[float, float]
 
 
 @dataclass
@@ -50,6 +53,7 @@ class _Log:
     timing: Timing = field(default_factory=Timing)
     lost: int = 0
     note: str = ""
+    zero: tuple[float, float] = (0.0, 0.0)
 
 
 def run(
@@ -95,14 +99,15 @@ def run(
             _loop(rig, controller, np.asarray(reference, dtype=np.float64).tolist(), strict, log)
     finally:
         rig.stop()
-    return Run(_recording(rig, log, reference, name), log.timing, log.lost)
+    return Run(_recording(rig, log, reference, name), log.timing, log.lost, log.zero)
 
 
 def _loop(rig: Rig, controller: Callable[[Observation], float], xr: list[float], limits: Limits, log: _Log) -> None:
     period, real_time = rig.description.period, rig.description.real_time
     reading = rig.read(max(limits.watchdog, _START_S))
     arrived = perf_counter()
-    zero_1, zero_2 = reading.x1, reading.x2
+    log.zero = zero_1, zero_2 = reading.x1, reading.x2
+    inside = False
     begin, earliest = arrived - reading.t, 0.0
     before: tuple[float, float, float] | None = None
     rests_since = inf
@@ -111,12 +116,16 @@ def _loop(rig: Rig, controller: Callable[[Observation], float], xr: list[float],
         v1, v2 = _velocities(reading, (reading.t, x1, x2), before)
         seen = Observation(reading.t, xr[reading.sequence], x1, x2, v1, v2)
         log.rows.append((seen.t, seen.xr, x1, x2, v1, v2))
-        outside = max(abs(reading.x1), abs(reading.x2)) > limits.travel
+        beyond = max(reading.x1, reading.x2, key=abs)
+        inside = inside or abs(beyond) <= limits.travel
+        outside = inside and abs(beyond) > limits.travel
         if outside:
             log.note = f"ended at {seen.t:.3f} s: a cart left the travel of ±{limits.travel:g} mm"
             u = 0.0
         else:
             u = _clipped(command_of(controller, seen), limits.voltage)
+        if not inside and u * beyond > 0.0:
+            u = 0.0  # a run that starts beyond the travel may only lead back
         # what rests against the limit pushes the same way all the while
         if abs(u) < _AT_LIMIT * limits.voltage or (log.u and u * log.u[-1] <= 0.0):
             rests_since = inf
