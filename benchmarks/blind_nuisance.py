@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from baselines.blind.make import make_case
+from baselines.rig_simulator.make import make_case
 from flexdrive_gym import Recording
 from identification import identify_by_likelihood, read_recordings
 from identification.floor import measure_floor

@@ -11,10 +11,10 @@ from dataclasses import replace
 import numpy as np
 
 from baselines.compare import cases_of, compare, entries, headline
-from baselines.empirical_margins import empirical_margins
-from baselines.experiments import limit_in_the_lab
-from baselines.margins import margins
-from baselines.stability_limit import grows, observed_limit, stability_limit
+from baselines.lab.experiments import limit_in_the_lab
+from baselines.loop_analysis.empirical_margins import empirical_margins
+from baselines.loop_analysis.margins import margins
+from baselines.loop_analysis.stability_limit import grows, observed_limit, stability_limit
 from benchmarks.real_rigs import DATA, ROOT
 from flexdrive_gym import DEFAULT_DRIVE, Covariance, Drive, Recording
 from identification import identify, read_recordings

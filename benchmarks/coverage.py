@@ -14,11 +14,11 @@ import numpy as np
 from rich.progress import track
 from scipy.stats import binomtest
 
-from baselines.blind.make import make_case
-from baselines.blind.truth import draw_truth
-from baselines.experiments import FREQUENCIES_HZ
-from baselines.sample.make import coloured_force
-from baselines.stability_limit import with_rig
+from baselines.lab.experiments import FREQUENCIES_HZ
+from baselines.lab.sample.make import coloured_force
+from baselines.loop_analysis.stability_limit import with_rig
+from baselines.rig_simulator.make import make_case
+from baselines.rig_simulator.truth import draw_truth
 from flexdrive_gym import Drive, Excitation, Recording
 from flexdrive_gym.references import sine, square
 from identification import read_recordings

@@ -7,7 +7,7 @@ import resource
 import sys
 from pathlib import Path
 
-from baselines.predictions import predictions
+from baselines.lab.predictions import predictions
 from identification import Diagnosis, diagnose, read_recordings
 
 ROOT = Path(__file__).parents[1]

@@ -15,8 +15,8 @@ from pathlib import Path
 
 from scipy.stats import binomtest
 
-from baselines.blind.make import make_case
-from baselines.trial.plan import Trial, plan
+from baselines.blind_study.plan import Trial, plan
+from baselines.rig_simulator.make import make_case
 from flexdrive_gym.recording import Recording
 from identification import diagnose as old_diagnose
 from identification import read_recordings

@@ -18,9 +18,9 @@ import joblib
 import numpy as np
 from platformdirs import user_cache_path
 
-from baselines.experiments import FREQUENCIES_HZ, open_loop
-from baselines.shares import share
-from baselines.trial.study import engine
+from baselines.blind_study.study import engine
+from baselines.evaluation.proportions import share
+from baselines.lab.experiments import FREQUENCIES_HZ, open_loop
 from flexdrive_gym import Drive, Recording
 from flexdrive_gym.files import write_atomically
 from flexdrive_gym.recording import FloatArray
@@ -29,7 +29,7 @@ from identification.mismatch.chance import nuisance
 from identification.mismatch.crew import Crew
 from identification.mismatch.surroundings import against
 from identification.mismatch.workbench import Workbench
-from identification.output_error import prepare, simulate_run
+from identification.replay.output_error import prepare, simulate_run
 
 ROOT = Path(__file__).parents[1]
 DATA = ROOT.parent / "shared" / "recordings" / "mte360_2022"

@@ -20,7 +20,7 @@ from flexdrive_gym.drive.effects import EFFECTS
 from flexdrive_gym.recording import FloatArray
 from identification import identify, read_recordings
 from identification.likelihood import usable
-from identification.output_error import Run, prepare, simulate_run
+from identification.replay.output_error import Run, prepare, simulate_run
 
 DATA = Path(__file__).parents[2] / "shared" / "recordings"
 # above it cart 2 hardly moves, and friction that is not overcome says nothing

@@ -48,7 +48,7 @@ async def served(*arguments: str, seconds: float = 240.0) -> AsyncIterator[str]:
     # a server that a test starts is a server like any other
     environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST")} | {"OPENBLAS_NUM_THREADS": "1"}
     process = subprocess.Popen(  # noqa: ASYNC220  (starts and returns)
-        [sys.executable, "-m", "baselines.commands", "lab", "--no-browser", "--port", str(port), *arguments],
+        [sys.executable, "-m", "baselines.cli", "lab", "--no-browser", "--port", str(port), *arguments],
         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
         env=environment,
     )  # fmt: skip

@@ -1,7 +1,8 @@
 """A magnet beside the track: in nobody's catalogue, and met by every run at another place. What does the diagnosis draw of it?
 
-``python -m benchmarks magnet`` conceals one (``baselines.blind``), diagnoses the recordings, and writes ``docs/magnet.png``: the
-force as it was found, and as it was concealed. Places have no common zero, so the concealed one is moved to where it fits best.
+``python -m benchmarks magnet`` conceals one (``baselines.rig_simulator``), diagnoses the recordings, and writes
+``docs/magnet.png``: the force as it was found, and as it was concealed. Places have no common zero, so the concealed one is
+moved to where it fits best.
 """
 
 import json
@@ -10,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from baselines.blind.make import make_case
+from baselines.rig_simulator.make import make_case
 from benchmarks.overlay import DOCS
 from flexdrive_gym.recording import FloatArray
 from identification import diagnose

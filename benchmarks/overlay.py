@@ -5,8 +5,8 @@
 
 from pathlib import Path
 
+from baselines.lab.sample import FOLDER
 from baselines.report import words
-from baselines.sample import FOLDER
 from identification import Diagnosis, diagnose
 from identification.mismatch.crew import Crew
 from identification.mismatch.replay import remaining, replays

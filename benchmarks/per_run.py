@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 
 from flexdrive_gym.drive.parameters import parameter
 from flexdrive_gym.recording import FloatArray
-from identification.output_error import Run, simulate_run
+from identification.replay.output_error import Run, simulate_run
 
 FREE = ("m1", "m2", "k", "b1", "b2", "d1", "d2")
 # of a run's own: factors of d1 and d2 (as logarithms), constant force [V], preload of the spring [mm]; standard deviations of the

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from baselines.stability_limit import observed_limit, stability_limit
+from baselines.loop_analysis.stability_limit import observed_limit, stability_limit
 from flexdrive_gym import Recording
 from identification import identify, read_recordings, validate
 from identification.likelihood import identify_by_likelihood, improvement

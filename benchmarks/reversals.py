@@ -16,9 +16,9 @@ from benchmarks.per_run import PerRun, fit_per_run, simulate
 from flexdrive_gym import Recording
 from identification import identify, read_recordings
 from identification.likelihood import usable
-from identification.output_error import Run, prepare
 from identification.plots.reversals import plot_reversals
 from identification.plots.style import save_png
+from identification.replay.output_error import Run, prepare
 from identification.reversals import Reversal, mean_reversal
 
 DATA = Path(__file__).parents[2] / "shared" / "recordings"

@@ -12,12 +12,12 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from baselines.blind.truth import Truth, draw_truth
+from baselines.blind_study.one import conduct, opened
+from baselines.blind_study.plan import Trial, plan
+from baselines.blind_study.sim_to_real import Gap, closings, gaps, mean_gaps
+from baselines.blind_study.study import outcomes, settings
+from baselines.rig_simulator.truth import Truth, draw_truth
 from baselines.rl.agents import load_agent
-from baselines.sim_to_real import Gap, closings, gaps, mean_gaps
-from baselines.trial.one import conduct, opened
-from baselines.trial.plan import Trial, plan
-from baselines.trial.study import outcomes, settings
 from flexdrive_gym import Drive
 from flexdrive_gym.drive.toml import loads
 

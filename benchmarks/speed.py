@@ -6,14 +6,14 @@ from functools import partial
 import control
 import numpy as np
 
-from baselines.stability_limit import swings
+from baselines.loop_analysis.stability_limit import swings
 from flexdrive_gym import Drive
 from flexdrive_gym.drive import kernels, parameters
 from flexdrive_gym.drive.effects import EFFECTS, WORKSPACE
 from flexdrive_gym.drive.sample import WORK_SPACE
 from flexdrive_gym.references import square
-from identification.output_error import prepare
-from identification.together import Together
+from identification.replay.batch import Together
+from identification.replay.output_error import prepare
 from tests.drive.drives import RIG
 from tests.drive.reference import TwoMasses
 

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flexdrive_gym.drive import fleet as kernels
-from flexdrive_gym.drive import lanes, layout, parameters, series
+from flexdrive_gym.drive import layout, parameters
+from flexdrive_gym.drive.batch import fleet as kernels
+from flexdrive_gym.drive.batch import lanes, series
 from flexdrive_gym.drive.compilation import entry
 from flexdrive_gym.drive.effects import N_BASE_PARAMETERS, WORKSPACE
 from flexdrive_gym.drive.sample import MEMORY

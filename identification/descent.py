@@ -10,8 +10,8 @@ from scipy.optimize import least_squares
 
 from flexdrive_gym.drive.parameters import parameter
 from flexdrive_gym.recording import FloatArray
-from identification.output_error import Run, block_residuals
 from identification.quantities import RATIOS
+from identification.replay.output_error import Run, block_residuals
 
 LOGARITHMIC = frozenset({"m1", "m2", "k"})
 # no mass or stiffness is less or more, in any unit that a rig is recorded in

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from flexdrive_gym.recording import FloatArray
-from identification.output_error import Run, simulate_run
+from identification.replay.output_error import Run, simulate_run
 
 # of the prior, in spreads of the measured signal
 _WIDE = 3.0

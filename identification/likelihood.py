@@ -35,9 +35,9 @@ from flexdrive_gym.drive.parameters import parameter
 from flexdrive_gym.recording import FloatArray, Recording
 from identification.descent import LOGARITHMIC, Descent
 from identification.equation_error import start_values
-from identification.output_error import Run, prepare, residuals
 from identification.quantities import HANDOUT_RATIOS, RATIOS, Quantity, derived_quantities
 from identification.recordings import RecordingSet
+from identification.replay.output_error import Run, prepare, residuals
 from identification.run_to_run import friction_run_to_run, recorded_range
 from identification.topology import Topology, topology_of
 

@@ -15,7 +15,7 @@ from scipy.signal import savgol_filter
 
 from flexdrive_gym import Drive, Recording
 from flexdrive_gym.recording import FloatArray
-from identification.output_error import Run, prepare, simulate_run
+from identification.replay.output_error import Run, prepare, simulate_run
 
 # least and greatest length of a window [s], and that for a drive that does not vibrate
 _SHORTEST, _LONGEST, _RIGID = 0.2, 1.0, 0.5

@@ -24,7 +24,7 @@ from scipy.optimize import least_squares
 
 from flexdrive_gym.drive.drive import Covariance, Recorded
 from flexdrive_gym.recording import FloatArray, Recording
-from identification.output_error import Run, simulate_run
+from identification.replay.output_error import Run, simulate_run
 from identification.signals import motions
 
 FRICTION = ("d1", "d2")

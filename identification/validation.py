@@ -29,8 +29,8 @@ from flexdrive_gym.recording import BoolArray, FloatArray
 from flexdrive_gym.units import LAB, Units
 from identification.experiment import silent
 from identification.floor import measure_floor
-from identification.output_error import BLOCK_S, Run, prepare, simulate_run
 from identification.prediction import predict, window_of
+from identification.replay.output_error import BLOCK_S, Run, prepare, simulate_run
 from identification.selection import select
 
 _LAGS = 40

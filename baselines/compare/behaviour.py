@@ -15,9 +15,9 @@ from baselines.compare.cases import HANDOUT, Reference, named_reference
 from baselines.compare.comparison import instants
 from baselines.compare.results import Comparison, Result
 from baselines.controllers import SAMPLE_TIME_S
-from baselines.describing_function import AMPLITUDES_MM, Sweep, predicted_gain_margins, sweep
-from baselines.metrics import dwells
-from baselines.running import RIG_TIME_S, run_many
+from baselines.evaluation.metrics import dwells
+from baselines.evaluation.rollout import RIG_TIME_S, run_many
+from baselines.loop_analysis.describing_function import AMPLITUDES_MM, Sweep, predicted_gain_margins, sweep
 from flexdrive_gym.recording import FloatArray
 
 FIXED = ("p_x2", "lab4", "lqg")

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from baselines.stability_limit import with_rig
+from baselines.loop_analysis.stability_limit import with_rig
 from flexdrive_gym import Drive
 from flexdrive_gym.drive.effects import EFFECTS
 from flexdrive_gym.recording import FloatArray

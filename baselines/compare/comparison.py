@@ -21,12 +21,12 @@ from baselines.compare.cases import DRAWS, UNSEEN_REFERENCES, Case, Reference, c
 from baselines.compare.entries import Entry
 from baselines.compare.own import as_entries
 from baselines.compare.results import Comparison, result_of
-from baselines.empirical_margins import EmpiricalMargins, NoMarginsError, On, empirical_margins
-from baselines.execution import Backend, Progress, run_jobs
-from baselines.margins import Margins, margins
-from baselines.metrics import NAMES, TOLERANCE_MM, TRAVEL_MM, measure
-from baselines.running import RIG_TIME_S, Previewed, run_many
-from baselines.stability_limit import with_rig
+from baselines.evaluation.metrics import NAMES, TOLERANCE_MM, TRAVEL_MM, measure
+from baselines.evaluation.parallel import Backend, Progress, run_jobs
+from baselines.evaluation.rollout import RIG_TIME_S, Previewed, run_many
+from baselines.loop_analysis.empirical_margins import EmpiricalMargins, NoMarginsError, On, empirical_margins
+from baselines.loop_analysis.margins import Margins, margins
+from baselines.loop_analysis.stability_limit import with_rig
 from flexdrive_gym import Controller, Drive, LinearController
 from flexdrive_gym.recording import FloatArray
 

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from baselines.controllers import FAMILIES, SAMPLE_TIME_S, design
-from baselines.policies import PolicyController
+from baselines.evaluation.adapters import PolicyController
+from baselines.evaluation.rollout import RIG_TIME_S, Previewed, run_many
+from baselines.loop_analysis.stability_limit import with_rig
 from baselines.rl.agents import Agent, agent_names, find_agent, load_agent
-from baselines.running import RIG_TIME_S, Previewed, run_many
-from baselines.stability_limit import with_rig
 from flexdrive_gym import Controller, Drive, LinearController
 from flexdrive_gym.references import random_moves
 

@@ -12,12 +12,12 @@ from baselines.compare.comparison import instants
 from baselines.compare.results import Comparison
 from baselines.controllers import design
 from baselines.controllers.p_control import proportional
-from baselines.empirical_margins import EmpiricalMargins, NoMarginsError, empirical_margins
-from baselines.experiments import stability_experiments
-from baselines.margins import Margins, margins
-from baselines.metrics import Measures, dwells, measure
-from baselines.running import RIG_TIME_S, run_many
-from baselines.stability_limit import StabilityLimit, stability_limit
+from baselines.evaluation.metrics import Measures, dwells, measure
+from baselines.evaluation.rollout import RIG_TIME_S, run_many
+from baselines.lab.experiments import stability_experiments
+from baselines.loop_analysis.empirical_margins import EmpiricalMargins, NoMarginsError, empirical_margins
+from baselines.loop_analysis.margins import Margins, margins
+from baselines.loop_analysis.stability_limit import StabilityLimit, stability_limit
 from flexdrive_gym import Controller, Drive, LinearController, Recording
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.references import handout_trajectory

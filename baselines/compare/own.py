@@ -19,7 +19,7 @@ from typing import Any
 
 from baselines.compare.entries import READS, Entry
 from baselines.controllers import SAMPLE_TIME_S
-from baselines.policies import PolicyController
+from baselines.evaluation.adapters import PolicyController
 from flexdrive_gym import Controller, Drive, LinearController, PControl
 
 FORMS = {

@@ -11,10 +11,10 @@ import numpy as np
 from baselines.compare.cases import Case
 from baselines.compare.entries import Entry
 from baselines.compare.tables import tables
-from baselines.empirical_margins import EmpiricalMargins
-from baselines.margins import Margins
-from baselines.metrics import NAMES, Measures
-from baselines.shares import Share, share
+from baselines.evaluation.metrics import NAMES, Measures
+from baselines.evaluation.proportions import Share, share
+from baselines.loop_analysis.empirical_margins import EmpiricalMargins
+from baselines.loop_analysis.margins import Margins
 from flexdrive_gym import Drive
 from flexdrive_gym.recording import FloatArray
 

@@ -1,4 +1,4 @@
-"""The comparison in a few figures, with intervals over training seeds and drives: :mod:`baselines.statistics` applied to it."""
+"""The comparison in a few figures, with intervals over training seeds and drives (:mod:`baselines.evaluation.statistics`)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from baselines.compare.results import Comparison, Group
-from baselines.statistics import NOTHING, Estimate, estimate_iqm, estimate_mean, probability_of_improvement
+from baselines.evaluation.statistics import NOTHING, Estimate, estimate_iqm, estimate_mean, probability_of_improvement
 from flexdrive_gym.recording import FloatArray
 
 

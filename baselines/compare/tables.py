@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import TYPE_CHECKING
 
-from baselines.shares import Share
+from baselines.evaluation.proportions import Share
 
 if TYPE_CHECKING:
     from baselines.compare.results import Comparison, Result

@@ -11,7 +11,7 @@ from baselines.compare.behaviour import Behaviour, Shown, best_classical
 from baselines.compare.cases import HANDOUT
 from baselines.compare.results import Comparison, Group, Result
 from baselines.compare.summary import Improvement, Summary
-from baselines.describing_function import analytic_response
+from baselines.loop_analysis.describing_function import analytic_response
 from flexdrive_gym import LinearController
 
 # what the project asks of an agent that reads x2: at most half of the error of P-control from x2

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from baselines.controllers._effective import effective
-from baselines.loops import is_stable, linear_part, loop_response
+from baselines.loop_analysis.loops import is_stable, linear_part, loop_response
 from flexdrive_gym import Drive, LinearController
 from flexdrive_gym.drive.default import HANDOUT_QUANTUM_MM
 from flexdrive_gym.drive.linear_controller import run_batch
@@ -220,7 +220,7 @@ class CoarseMargins:
 
 
 def coarse_margins(L: npt.NDArray[np.complex128], omega: FloatArray) -> CoarseMargins:
-    """Return the margins of a sampled frequency response; final figures come from :mod:`baselines.margins`."""
+    """Return the margins of a sampled frequency response; final figures come from :mod:`baselines.loop_analysis.margins`."""
     size = np.log(np.abs(L))
     i = np.flatnonzero((size[:-1] > 0.0) != (size[1:] > 0.0))
     share = size[i] / (size[i] - size[i + 1])

@@ -4,7 +4,7 @@ Around a crossover of 25 rad/s a lag of the amplifier by :math:`\tau` is a delay
 :math:`(\omega\tau)^3/3` of phase and :math:`(\omega\tau)^2/2` of gain (3 mrad and 3 % at 10 ms); an encoder that is late by
 :math:`\tau` is, in the loop that reads it, exactly a command that is late by it. The motor behind a gap and appendages above the
 crossover move with their carts. What is left, friction laws, dead zones, play and other curves, no linear design can use; see
-:mod:`baselines.ahead`.
+:mod:`baselines.controllers.iterative_learning`.
 """
 
 from __future__ import annotations

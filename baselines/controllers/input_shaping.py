@@ -15,7 +15,7 @@ import numpy as np
 
 from baselines.controllers._design import Design, Family, needs_two_carts
 from baselines.controllers.pd import FAMILIES as PD
-from baselines.loops import closed_loop_matrices
+from baselines.loop_analysis.loops import closed_loop_matrices
 from flexdrive_gym import Drive, LinearController
 
 

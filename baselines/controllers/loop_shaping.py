@@ -41,7 +41,7 @@ from baselines.controllers._design import (
     tuning_frequencies,
 )
 from baselines.controllers.p_control import gain_for_phase_margin, proportional
-from baselines.loops import ComplexArray, is_stable, linear_part, response, sampled_drive
+from baselines.loop_analysis.loops import ComplexArray, is_stable, linear_part, response, sampled_drive
 from flexdrive_gym import Drive, LinearController
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from baselines.controllers._design import Design, Family, best_of, derivative, needs_two_carts, stack
-from baselines.loops import sampled_drive
+from baselines.loop_analysis.loops import sampled_drive
 from flexdrive_gym import Drive, LinearController
 from flexdrive_gym.recording import FloatArray
 

@@ -1,7 +1,7 @@
 """A rig that conceals an effect, and the experiments a student makes on it.
 
-The rig is that of :mod:`baselines.blind`, an independent program with the run-to-run variability of the real rigs; nobody but
-:func:`answer` asks for what it conceals.
+The rig is that of :mod:`baselines.rig_simulator`, an independent program with the run-to-run variability of the real rigs;
+nobody but :func:`answer` asks for what it conceals.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from pathlib import Path
 from secrets import randbelow
 from typing import Literal
 
-from baselines.blind.catalogue import CATALOGUE
-from baselines.blind.ingredients import rig_values
-from baselines.blind.recordings import Experiment, Log, as_text, command
-from baselines.blind.rig import run
-from baselines.blind.trials import after_the_day
-from baselines.blind.truth import Truth, draw_truth
 from baselines.lab_page import texts
 from baselines.report.words import effect_name
+from baselines.rig_simulator.catalogue import CATALOGUE
+from baselines.rig_simulator.ingredients import rig_values
+from baselines.rig_simulator.recordings import Experiment, Log, as_text, command
+from baselines.rig_simulator.rig import run
+from baselines.rig_simulator.trials import after_the_day
+from baselines.rig_simulator.truth import Truth, draw_truth
 from flexdrive_gym.files import write_atomically
 
 Kind = Literal["square", "sine", "p_control"]

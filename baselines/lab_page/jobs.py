@@ -66,7 +66,7 @@ class Job:
         environment = os.environ | {"FLEXDRIVE_PROGRESS": "lines", "PYTHONUNBUFFERED": "1"}
         async with _gate():
             self._process = await asyncio.create_subprocess_exec(
-                sys.executable, "-m", "baselines.commands", *arguments, "--json",
+                sys.executable, "-m", "baselines.cli", *arguments, "--json",
                 stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE,
                 env=environment, limit=_LARGEST_LINE, start_new_session=True,
             )  # fmt: skip

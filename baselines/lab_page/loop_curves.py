@@ -1,7 +1,7 @@
 """Root locus, Nyquist and Bode of the sampled linear loop, and the describing-function limit over amplitude, as charts.
 
-The loop is broken at the command (:mod:`baselines.loops`). Poles z of the sampled loop are drawn at ln(z)/Ts, where students know
-them from the continuous loop. Everything here takes milliseconds, but for :func:`amplitude_limit`.
+The loop is broken at the command (:mod:`baselines.loop_analysis.loops`). Poles z of the sampled loop are drawn at ln(z)/Ts,
+where students know them from the continuous loop. Everything here takes milliseconds, but for :func:`amplitude_limit`.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from math import inf, nan, pi
 
 import numpy as np
 
-from baselines.amplitude import sustained_curve
 from baselines.controllers.p_control import proportional
 from baselines.lab_page import texts
 from baselines.lab_page.chart import Axis, Chart, Colour, Line, series
-from baselines.loops import ComplexArray, closed_loop_matrices, linear_part, loop_response
+from baselines.loop_analysis.limit_cycle import sustained_curve
+from baselines.loop_analysis.loops import ComplexArray, closed_loop_matrices, linear_part, loop_response
 from flexdrive_gym import Drive, LinearController
 from flexdrive_gym.recording import FloatArray
 

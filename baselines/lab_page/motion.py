@@ -13,9 +13,9 @@ import numpy as np
 
 from baselines.controllers import FAMILIES, design
 from baselines.controllers.p_control import proportional
-from baselines.experiments import TRAVEL_MM
+from baselines.lab.experiments import TRAVEL_MM
 from baselines.lab_page.settings import DURATION_S, Push, Settings
-from baselines.stability_limit import with_rig
+from baselines.loop_analysis.stability_limit import with_rig
 from flexdrive_gym import Controller, Drive, LinearController, Observation, Recording
 from flexdrive_gym.drive import kernels, parameters
 from flexdrive_gym.drive.linear_controller import run_batch

@@ -10,11 +10,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from baselines.experiments import SAMPLE_TIME_S
+from baselines.lab.experiments import SAMPLE_TIME_S
 from baselines.lab_page import texts
 from baselines.lab_page.chart import Axis, Chart, series
+from baselines.loop_analysis.stability_limit import with_rig
 from baselines.report.words import effect_name
-from baselines.stability_limit import with_rig
 from flexdrive_gym import Drive
 from flexdrive_gym.drive.effects import EFFECTS, LAYOUT, Effect
 from flexdrive_gym.references import sine

@@ -1,8 +1,8 @@
 """The lamp: is the loop stable on the drive with all its effects, and why, in a sentence.
 
-The verdict is that of ``flexdrive stability`` (:mod:`baselines.stability_limit`): the handout's first move, then held, 12 s;
-unstable if the last cart swings more than 25 mm peak to peak within the last 6 s. One run decides it for the gain at hand, so
-the lamp changes exactly at the drive's critical gain.
+The verdict is that of ``flexdrive stability`` (:mod:`baselines.loop_analysis.stability_limit`): the handout's first move,
+then held, 12 s; unstable if the last cart swings more than 25 mm peak to peak within the last 6 s. One run decides it for
+the gain at hand, so the lamp changes exactly at the drive's critical gain.
 """
 
 from __future__ import annotations

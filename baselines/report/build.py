@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from baselines.loop_analysis.stability_limit import explain
 from baselines.report import sections as parts
 from baselines.report.diagnosis import main_sections
 from baselines.report.findings import STEPS, Findings, Progress, find
 from baselines.report.page import render
 from baselines.report.words import verdict_sentences
-from baselines.stability_limit import explain
 from flexdrive_gym import Recording, __version__
 from identification.likelihood import improvement
 from identification.mismatch.verdict import Diagnosis

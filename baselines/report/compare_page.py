@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from baselines.compare import Comparison, Result, behaviour, headline, summarise
 from baselines.compare.comparison import instants
 from baselines.compare.tables import BY_TRIAL, LINEAR, WITH_FRICTION, loop_words, share_cell
+from baselines.evaluation.rollout import run_many
 from baselines.report import control_plots as plots
 from baselines.report.design_page import cell
 from baselines.report.learnt_section import behaviour_section, statistics_section
 from baselines.report.page import Section, render
-from baselines.running import run_many
 from flexdrive_gym import LinearController, __version__
 from flexdrive_gym.references import handout_trajectory
 

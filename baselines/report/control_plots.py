@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from baselines.loops import loop_response, response
+from baselines.loop_analysis.loops import loop_response, response
 from flexdrive_gym import Drive, LinearController, LinearDrive, Recording
 from flexdrive_gym.recording import FloatArray
 from identification.plots.style import (
@@ -25,9 +25,9 @@ from identification.plots.style import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from baselines.amplitude import Sustained
     from baselines.compare import Comparison, Result
-    from baselines.lab4_study import Stage
+    from baselines.lab.lab4_study import Stage
+    from baselines.loop_analysis.limit_cycle import Sustained
 
 COLOURS = ("#1f5a99", "#d9660f", "#2e7d4f", "#8a3ea8", "#b3202c", "#6b6b6b", "#c79a00", "#127c8a")
 LINES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (6, 1.5, 1.2, 1.5)), (0, (9, 2, 3, 2)))

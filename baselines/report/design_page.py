@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import isfinite
 
 from baselines.compare.tables import LINEAR
-from baselines.lab4_study import Lab4Study, Line, verdict
+from baselines.lab.lab4_study import Lab4Study, Line, verdict
 from baselines.report import control_plots as plots
 from baselines.report.page import Section, render
 from flexdrive_gym import __version__

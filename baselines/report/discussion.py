@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from baselines.metrics import dwells
-from baselines.stability_limit import StabilityLimit, grows
+from baselines.evaluation.metrics import dwells
+from baselines.loop_analysis.stability_limit import StabilityLimit, grows
 from flexdrive_gym import Drive, Recording
 from flexdrive_gym.drive.default import HANDOUT_LIMIT_V
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from baselines.stability_limit import ObservedLimit, StabilityLimit, observed_limit, stability_limit
+from baselines.loop_analysis.stability_limit import ObservedLimit, StabilityLimit, observed_limit, stability_limit
 from flexdrive_gym import Recording
 from identification import Identification, Validation, identify, validate
 from identification.frequency_response import FrequencyTable, measure_frequency_response

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from baselines.compare import Behaviour, Comparison, Summary
-from baselines.describing_function import analytic_response
+from baselines.loop_analysis.describing_function import analytic_response
 from flexdrive_gym import LinearController
 from flexdrive_gym.recording import FloatArray
 from identification.plots.style import CART, COMMAND, MARK, REFERENCE, legend_above, new_figure, styled

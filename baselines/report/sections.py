@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from math import pi
 
-from baselines.experiments import STABLE_GAIN, stability_experiments
+from baselines.lab.experiments import STABLE_GAIN, stability_experiments
+from baselines.loop_analysis.stability_limit import ObservedLimit, explain
 from baselines.report import discussion, words
 from baselines.report.fault_table import add_faults, shaded
 from baselines.report.findings import Findings
 from baselines.report.page import Section
-from baselines.stability_limit import ObservedLimit, explain
 from flexdrive_gym import Recording
 from flexdrive_gym.units import Units
 from identification import Identification, Validation

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from baselines.lab.stability_study import StabilityStudy
+from baselines.lab.uncertainty import interval_in_words, reasons
+from baselines.loop_analysis.stability_limit import LARGEST_GAIN
 from baselines.report import control_plots as plots
 from baselines.report.discussion import measure_p_control
 from baselines.report.page import Section, render
-from baselines.stability_limit import LARGEST_GAIN
-from baselines.stability_study import StabilityStudy
-from baselines.uncertainty import interval_in_words, reasons
 from flexdrive_gym import Recording, __version__
 from identification.plots import plot_pole_zero, plot_recording
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from baselines.payoff_summary import Row, tables
+from baselines.blind_study.judge import Judged
+from baselines.blind_study.payoff_summary import Row, tables
+from baselines.blind_study.summary import Summary, headline
+from baselines.evaluation.proportions import Share
 from baselines.report import trial_plots as plots
 from baselines.report.page import Section, render
-from baselines.shares import Share
-from baselines.trial.judge import Judged
-from baselines.trial.summary import Summary, headline
 from flexdrive_gym import __version__
 
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.ticker import LogFormatter, NullFormatter, PercentFormatter
 
-from baselines.trial.judge import Judged
-from baselines.trial.summary import Summary
+from baselines.blind_study.judge import Judged
+from baselines.blind_study.summary import Summary
 from identification.plots.style import heading, legend_above, new_figure, styled
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from baselines.policies import PolicyController
+from baselines.evaluation.adapters import PolicyController
 from flexdrive_gym import Drive
 from flexdrive_gym.files import write_atomically
 from flexdrive_gym.recording import FloatArray

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from baselines.metrics import Measures, measure_recording
+from baselines.evaluation.metrics import Measures, measure_recording
 from baselines.rl.agents import Agent
 from baselines.rl.curriculum import around, evaluation_reference
 from baselines.rl.vec_env import FlexDriveVecEnv

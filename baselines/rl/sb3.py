@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from baselines.policies import PolicyController
+from baselines.evaluation.adapters import PolicyController
 from baselines.rl.vec_env import FlexDriveVecEnv
 from flexdrive_gym.task import Task
 

@@ -23,6 +23,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 
+from baselines.loop_analysis.stability_limit import with_rig
 from baselines.rl.agents import Agent, save_agent
 from baselines.rl.cards import write_card
 from baselines.rl.checkpoints import read_checkpoint, restore, snapshot, write_checkpoint
@@ -30,7 +31,6 @@ from baselines.rl.curriculum import around, training_reference
 from baselines.rl.evaluation import Evaluation, on_the_handout
 from baselines.rl.learner import ACTIVATION, REWARD, ROLLOUT, explore, layers, learner
 from baselines.rl.vec_env import FlexDriveVecEnv
-from baselines.stability_limit import with_rig
 from flexdrive_gym import Drive
 from flexdrive_gym.drive.default import HANDOUT_LIMIT_V
 from flexdrive_gym.drive.toml import dumps, loads

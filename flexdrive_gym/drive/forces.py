@@ -27,7 +27,7 @@ from flexdrive_gym.drive.effects import (
     RECOIL,
     chain,
 )
-from flexdrive_gym.drive.pack import chosen, raised
+from flexdrive_gym.drive.simd.pack import chosen, raised
 
 W1, W2 = 0, 1
 LIMIT = LAYOUT["saturation.limit"].index

@@ -24,7 +24,7 @@ STATE_ROWS = 9
 # rows of ``told``, which tell about the last period; they begin the work space
 REFERENCE, ERROR, TRACKING, EFFORT, RATE, FAILURE = (i * ROW for i in range(6))
 TOLD_ROWS = 6
-# rows of ``lanes``: parameters, the decay of the velocity filters, responses (:func:`~flexdrive_gym.drive.series.respond`)
+# rows of ``lanes``: parameters, the decay of the velocity filters, responses (:func:`~flexdrive_gym.drive.batch.series.respond`)
 DECAY_1, DECAY_2 = N_BASE_PARAMETERS * ROW, (N_BASE_PARAMETERS + 1) * ROW
 RESPONSE = (N_BASE_PARAMETERS + 2) * ROW
 RESPONSES = 9

@@ -12,7 +12,7 @@ from typing import Any
 from flexdrive_gym.drive.compilation import called, inlined, shifted
 from flexdrive_gym.drive.effects import FLAG, LAYOUT, N_BASE_PARAMETERS, N_STATES, ON_CARTS
 from flexdrive_gym.drive.forces import accelerations, begin_piece, rates, row
-from flexdrive_gym.drive.pack import raised
+from flexdrive_gym.drive.simd.pack import raised
 
 D1, D2 = LAYOUT["d1"].index, LAYOUT["d2"].index
 # parts of the table of a drive that is linear between events: both carts slide, or one of them sticks; last, the step's length

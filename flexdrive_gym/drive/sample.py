@@ -17,8 +17,8 @@ from flexdrive_gym.drive.effects import (
     prepare,
 )
 from flexdrive_gym.drive.forces import begin_effects, commanded, rate_1, rate_2, readings
-from flexdrive_gym.drive.pack import chosen, leading
 from flexdrive_gym.drive.piece import TABLE
+from flexdrive_gym.drive.simd.pack import chosen, leading
 
 # memory of one drive between samples: previous readings, filtered velocities, position in and ring of past commands
 MEMORY = 5 + RING

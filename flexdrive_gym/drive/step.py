@@ -44,8 +44,8 @@ from flexdrive_gym.drive.forces import (
     margin_2,
     row,
 )
-from flexdrive_gym.drive.pack import anywhere, chosen, raised
 from flexdrive_gym.drive.piece import INTEGRATES, SLIDING, STICKING_1, STICKING_2, TABLE, leap, smooth, width
+from flexdrive_gym.drive.simd.pack import anywhere, chosen, raised
 
 MAX_EVENTS = 12
 _FINISHES_1, _FINISHES_2, _FINISHES_ACTUATOR = (FLAG["finish", where] for where in ("cart_1", "cart_2", "actuator"))

@@ -12,8 +12,8 @@ import numpy as np
 from flexdrive_gym.drive.effects import LAYOUT
 from flexdrive_gym.recording import BoolArray, FloatArray, Recording
 from identification.diagnosis.settings import Settings
-from identification.output_error import Run, prepare
-from identification.together import Together
+from identification.replay.batch import Together
+from identification.replay.output_error import Run, prepare
 
 Values = Mapping[str, float]
 

@@ -25,7 +25,7 @@ from identification.diagnosis.settings import Settings
 from identification.diagnosis.split import Split, split_recordings
 from identification.diagnosis.verdict import Diagnosis, Estimate, Finding, Named, RecordingFit, Unnamed, Verdict
 from identification.floor import measure_floor
-from identification.output_error import Run, prepare, simulate_run
+from identification.replay.output_error import Run, prepare, simulate_run
 from identification.topology import Topology, topology_of
 
 

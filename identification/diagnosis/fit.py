@@ -20,7 +20,7 @@ from flexdrive_gym.recording import FloatArray
 from identification.diagnosis.bench import Bench, Values
 from identification.diagnosis.noise import Noise
 from identification.diagnosis.score import Normal
-from identification.output_error import PHYSICS_S
+from identification.replay.output_error import PHYSICS_S
 
 # step of a finite difference, in scaled coordinates, far above round-off: sticking makes residuals smooth only piece by piece
 _STEP = 2e-3

@@ -15,7 +15,7 @@ from identification.diagnosis.candidates.free import Shape
 from identification.diagnosis.fit import Fit
 from identification.diagnosis.noise import Noise
 from identification.diagnosis.score import Normal
-from identification.output_error import PHYSICS_S
+from identification.replay.output_error import PHYSICS_S
 
 # faster effects are as good as instantaneous
 _FASTEST = 30.0

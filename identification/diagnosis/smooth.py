@@ -31,7 +31,7 @@ from flexdrive_gym.drive.sample import MEMORY, WORK_SPACE, advance, anchor, clea
 from flexdrive_gym.drive.step import step
 from flexdrive_gym.recording import BoolArray, FloatArray, Recording
 from identification.diagnosis.settings import Settings
-from identification.output_error import Run, drive_vector, prepare
+from identification.replay.output_error import Run, drive_vector, prepare
 from identification.signals import motions
 
 # a force beyond this is that of a step too long for its effect [V]

@@ -42,10 +42,10 @@ from identification.mismatch.verdict import (
     unit_of,
 )
 from identification.mismatch.workbench import Workbench
-from identification.output_error import Run, prepare, simulate_run
 from identification.quantities import HANDOUT_RATIOS
 from identification.recordings import RecordingSet, Rig
 from identification.recordings.given import Source, given
+from identification.replay.output_error import Run, prepare, simulate_run
 from identification.selection import select
 from identification.topology import Topology, topology_of
 

@@ -19,7 +19,7 @@ from identification.mismatch.refit import Fit, refit
 from identification.mismatch.rounds import Progress
 from identification.mismatch.verdict import Diagnosis
 from identification.mismatch.workbench import Workbench
-from identification.output_error import prepare_measured
+from identification.replay.output_error import prepare_measured
 from identification.topology import Topology
 
 _ROUNDS, _ITERATIONS = 3, 12

@@ -19,7 +19,7 @@ from identification.mismatch.settle import absorb
 from identification.mismatch.surroundings import rubbed
 from identification.mismatch.verdict import RecordingFit
 from identification.mismatch.workbench import View, Workbench
-from identification.output_error import Run, prepare, simulate_run
+from identification.replay.output_error import Run, prepare, simulate_run
 from identification.validation import simulate_like
 
 _PLACES = 24

@@ -22,7 +22,7 @@ from identification.mismatch.search import Search, Step
 from identification.mismatch.settle import absorb, settle
 from identification.mismatch.split import Split
 from identification.mismatch.workbench import Workbench
-from identification.output_error import prepare
+from identification.replay.output_error import prepare
 from identification.topology import Topology
 
 # how seldom chance may make the size of a finding, where it is seen

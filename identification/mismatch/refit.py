@@ -19,7 +19,7 @@ from flexdrive_gym.drive.effects import LAYOUT
 from flexdrive_gym.drive.parameters import fastest, parameter
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.workbench import View, Workbench
-from identification.output_error import PHYSICS_S
+from identification.replay.output_error import PHYSICS_S
 
 _STEP = 2e-3
 # factors of the step where a parameter does nothing within it

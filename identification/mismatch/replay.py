@@ -20,7 +20,7 @@ from identification.mismatch.maps import Map, draw_maps
 from identification.mismatch.missing_force import MissingForce, missing_force
 from identification.mismatch.prove import place
 from identification.mismatch.verdict import Diagnosis
-from identification.output_error import prepare, simulate_run
+from identification.replay.output_error import prepare, simulate_run
 from identification.validation import simulate_like
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexdrive_gym.recording import BoolArray, FloatArray
-from identification.output_error import Run
+from identification.replay.output_error import Run
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ from identification.mismatch.refit import Fit
 from identification.mismatch.screening import Screened, orthonormal
 from identification.mismatch.surroundings import against
 from identification.mismatch.workbench import Workbench
-from identification.output_error import Run, simulate_run
+from identification.replay.output_error import Run, simulate_run
 
 KNOTS = 7
 # what a friction's variable begins with, and the unit of every variable

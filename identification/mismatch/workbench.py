@@ -32,8 +32,8 @@ from flexdrive_gym.recording import FloatArray
 from identification.mismatch.crew import Crew
 from identification.mismatch.recent import Recent
 from identification.mismatch.rows import rows_of
-from identification.output_error import Run
-from identification.together import Together
+from identification.replay.batch import Together
+from identification.replay.output_error import Run
 
 View = Literal["comparable", "weighted"]
 # columns of a whole catalogue, kept in single precision: what they explain is a share

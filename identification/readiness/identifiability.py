@@ -33,8 +33,8 @@ from flexdrive_gym.recording import FloatArray, Recording
 from flexdrive_gym.units import Units
 from identification.descent import Descent
 from identification.likelihood import MaximumLikelihood, identify_by_likelihood, usable
-from identification.output_error import prepare
 from identification.recordings.recording_set import RecordingSet
+from identification.replay.output_error import prepare
 from identification.signals import velocities
 from identification.topology import Topology, topology_of
 

@@ -9,12 +9,12 @@ from importlib.resources import files
 import jsonschema
 import pytest
 
-from baselines.commands import app
-from baselines.experiments import open_loop
-from baselines.sample import FOLDER
+from baselines.cli import app
+from baselines.lab.experiments import open_loop
+from baselines.lab.sample import FOLDER
 from flexdrive_gym import Drive, load_drive, save_drive
 from identification import write_recording
-from tests.baselines.public.stand_ins import lose, write_carriage
+from tests.baselines.public_data.stand_ins import lose, write_carriage
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import SHORT, T, short_day
 
@@ -23,7 +23,7 @@ COMMANDS = [command.callback.__name__ for command in app.registered_commands]
 
 def flexdrive(*arguments, cwd=None):
     return subprocess.run(
-        [sys.executable, "-m", "baselines.commands", *map(str, arguments)],
+        [sys.executable, "-m", "baselines.cli", *map(str, arguments)],
         capture_output=True,
         text=True,
         check=False,
@@ -33,7 +33,7 @@ def flexdrive(*arguments, cwd=None):
 
 def test_nothing_heavy_is_loaded_before_a_command_runs():
     # numpy reads the number of its threads once, so the command line must have set it before
-    look = "import sys, baselines.commands; print('numpy' in sys.modules)"
+    look = "import sys, baselines.cli; print('numpy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, check=True).stdout == "False\n"
 
 

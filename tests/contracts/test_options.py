@@ -8,7 +8,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from baselines.commands import app
+from baselines.cli import app
 from flexdrive_gym import DEFAULT_DRIVE, save_drive
 
 COMMANDS = typer.main.get_command(app).commands

@@ -6,13 +6,13 @@ from collections import Counter
 
 import pytest
 
-from baselines.blind.make import make_case
-from baselines.blind.truth import draw_truth
-from baselines.payoff import P_HALF, Payoff, payoff
-from baselines.trial.judge import judge
-from baselines.trial.plan import Trial, plan
-from baselines.trial.study import outcomes, settings
-from baselines.trial.summary import headline, summarise
+from baselines.blind_study.judge import judge
+from baselines.blind_study.payoff import P_HALF, Payoff, payoff
+from baselines.blind_study.plan import Trial, plan
+from baselines.blind_study.study import outcomes, settings
+from baselines.blind_study.summary import headline, summarise
+from baselines.rig_simulator.make import make_case
+from baselines.rig_simulator.truth import draw_truth
 from flexdrive_gym.drive.effects import LAYOUT
 from flexdrive_gym.drive.toml import loads
 from identification import diagnose

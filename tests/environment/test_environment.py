@@ -11,7 +11,7 @@ from gymnasium.utils.env_checker import check_env
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from baselines.stability_limit import critical_gain
+from baselines.loop_analysis.stability_limit import critical_gain
 from flexdrive_gym import DEFAULT_DRIVE, Covariance, Drive, PControl, save_drive
 from flexdrive_gym.environment import FlexDriveEnv
 from flexdrive_gym.fleet import KEYS

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexdrive_gym import Drive
-from identification.output_error import prepare
+from identification.replay.output_error import prepare
 from identification.run_to_run import _between, friction_run_to_run, recorded_range
 from tests.drive.drives import FRICTIONLESS, RIG
 from tests.identification.lab import COUNTS, run

@@ -8,7 +8,7 @@ from identification import identify_by_likelihood
 from identification.initial_state import with_start
 from identification.mismatch.candidates import catalogue
 from identification.mismatch.split import cut, split_recordings
-from identification.output_error import prepare, prepare_measured, residuals, simulate_run
+from identification.replay.output_error import prepare, prepare_measured, residuals, simulate_run
 from identification.topology import CART, GROUND_MASS, TWO_CARTS, Topology, grounded, topology_of
 from tests.drive.drives import RIG
 

@@ -24,8 +24,8 @@ from baselines.lab_page.settings import (
     SMALLEST_GAIN,
     Settings,
 )
+from baselines.loop_analysis.stability_limit import with_rig
 from baselines.rl.agents import agent_names
-from baselines.stability_limit import with_rig
 
 # of the slider: a factor of 1.0116 a step, finer than a hand turns
 _STEP = 0.005

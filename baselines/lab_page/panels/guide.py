@@ -9,7 +9,7 @@ from typing import Any
 
 from nicegui import ui
 
-from baselines.experiments import FREQUENCIES_HZ, SINE_V, SQUARES_V, STABLE_GAIN, open_loop, p_control
+from baselines.lab.experiments import FREQUENCIES_HZ, SINE_V, SQUARES_V, STABLE_GAIN, open_loop, p_control
 from baselines.lab_page import texts
 from baselines.lab_page.elements import card, heading, paragraph
 from baselines.lab_page.motion import rig_of

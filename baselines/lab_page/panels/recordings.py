@@ -11,12 +11,12 @@ from typing import Any
 
 from nicegui import ui
 
+from baselines.lab.sample import FOLDER as SAMPLE_FOLDER
 from baselines.lab_page import texts
 from baselines.lab_page.elements import Drop, Plot, card, heading, paragraph, text_of
 from baselines.lab_page.jobs import Job, JobError
 from baselines.lab_page.overlay import Signal, overlay, signals
 from baselines.lab_page.session import Session
-from baselines.sample import FOLDER as SAMPLE_FOLDER
 from flexdrive_gym import Drive, Recording, load_drive
 from identification import RecordingError, read_recordings
 from identification.quantities import HANDOUT_RATIOS

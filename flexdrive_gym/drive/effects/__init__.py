@@ -17,7 +17,7 @@ import numpy as np
 
 from flexdrive_gym.drive.compilation import called, inlined
 from flexdrive_gym.drive.effects._effect import RING, SITES, Effect, Parameter, Site, Where
-from flexdrive_gym.drive.pack import leading, raised
+from flexdrive_gym.drive.simd.pack import leading, raised
 
 __all__ = ["EFFECTS", "LAYOUT", "RING", "SITES", "Effect", "Parameter", "Slot", "Where", "chain"]
 

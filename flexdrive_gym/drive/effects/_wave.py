@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexdrive_gym.drive.compilation import inlined
-from flexdrive_gym.drive.pack import sine_and_cosine
+from flexdrive_gym.drive.simd.pack import sine_and_cosine
 
 
 @inlined

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 from flexdrive_gym.drive.effects._effect import RING, Effect, Parameter
-from flexdrive_gym.drive.pack import leading
+from flexdrive_gym.drive.simd.pack import leading
 
 
 def _reading(y: float, x: float, v: float, t: float, h: float, z: Any, oz: int, p: Any, o: int) -> float:

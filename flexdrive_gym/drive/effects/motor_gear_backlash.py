@@ -25,7 +25,7 @@ import numpy as np
 
 from flexdrive_gym.drive.compilation import inlined
 from flexdrive_gym.drive.effects._effect import Effect, Parameter
-from flexdrive_gym.drive.pack import chosen
+from flexdrive_gym.drive.simd.pack import chosen
 
 _LAMBDA = 0.01
 

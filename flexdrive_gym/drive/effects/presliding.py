@@ -23,7 +23,7 @@ import numpy as np
 
 from flexdrive_gym.drive.compilation import inlined
 from flexdrive_gym.drive.effects._effect import Effect, Parameter
-from flexdrive_gym.drive.pack import anywhere, chosen
+from flexdrive_gym.drive.simd.pack import anywhere, chosen
 
 _SETTLED = 1e-12
 _SMALL = 0.25

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from flexdrive_gym.drive.effects._effect import Effect, Parameter
-from flexdrive_gym.drive.pack import anywhere, chosen
+from flexdrive_gym.drive.simd.pack import anywhere, chosen
 
 _GONE = 6.5
 

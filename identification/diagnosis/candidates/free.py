@@ -10,7 +10,7 @@ import numpy as np
 
 from flexdrive_gym.recording import FloatArray
 from identification.diagnosis.bench import Bench, Values, free
-from identification.output_error import simulate_run
+from identification.replay.output_error import simulate_run
 
 # knots of a free function: a bend in each half and one in the middle
 KNOTS = 7

@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("nicegui", reason="the lab's page needs NiceGUI: pip install 'flexdrive[lab]'")
 
 from baselines.lab_page import texts
-from baselines.stability_limit import critical_gain
+from baselines.loop_analysis.stability_limit import critical_gain
 from benchmarks.browser import Browser, chromium
 from benchmarks.lab import served
 from flexdrive_gym import DEFAULT_DRIVE

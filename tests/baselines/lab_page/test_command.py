@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 
 pytest.importorskip("nicegui", reason="the lab's page needs NiceGUI: pip install 'flexdrive[lab]'")
 
-from baselines.commands import app
+from baselines.cli import app
 from baselines.lab_page import server, warm_up
 from flexdrive_gym import DEFAULT_DRIVE, save_drive
 

@@ -6,13 +6,13 @@ import gzip
 import numpy as np
 import pytest
 
+from baselines.lab.sample import FOLDER
 from baselines.lab_page.controller_files import read_controller
 from baselines.lab_page.exercise import NOTHING, answer, choices, conceal, conduct
 from baselines.lab_page.jobs import Job, JobError
 from baselines.lab_page.overlay import overlay, signals
 from baselines.lab_page.uploads import RefusedError, safe_path, take
 from baselines.rl.agents import FOLDER as AGENTS
-from baselines.sample import FOLDER
 from flexdrive_gym import DEFAULT_DRIVE
 from identification import read_recordings
 

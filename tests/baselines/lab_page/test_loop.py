@@ -18,9 +18,9 @@ from baselines.lab_page.motion import rig_of
 from baselines.lab_page.settings import Settings
 from baselines.lab_page.signature import plainly_present, signature, switches
 from baselines.lab_page.stability_lamp import lamp
-from baselines.loops import linear_part
-from baselines.margins import margins
-from baselines.stability_limit import critical_gain, with_rig
+from baselines.loop_analysis.loops import linear_part
+from baselines.loop_analysis.margins import margins
+from baselines.loop_analysis.stability_limit import critical_gain, with_rig
 from flexdrive_gym import DEFAULT_DRIVE
 
 RIG = with_rig(DEFAULT_DRIVE)

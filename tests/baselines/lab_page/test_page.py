@@ -14,12 +14,12 @@ from nicegui import app, core, ui
 from nicegui.testing.general import nicegui_reset_globals, prepare_simulation
 from nicegui.testing.user import User
 
+from baselines.lab.sample import FOLDER
 from baselines.lab_page import texts
 from baselines.lab_page.elements import Drop, Plot, RigView
 from baselines.lab_page.exercise import NOTHING
 from baselines.lab_page.server import Door, install
 from baselines.lab_page.session import SESSIONS, Lab
-from baselines.sample import FOLDER
 
 
 @asynccontextmanager

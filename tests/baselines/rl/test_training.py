@@ -14,7 +14,7 @@ pytest.importorskip("stable_baselines3", reason="needs the extra rl")
 
 import torch
 
-from baselines.commands.train import compared, sentence
+from baselines.cli.train import compared, sentence
 from baselines.rl.agents import Agent, load_agent
 from baselines.rl.checkpoints import read_checkpoint
 from baselines.rl.curriculum import around, evaluation_reference, training_reference
@@ -83,7 +83,7 @@ def test_an_interrupted_training_goes_on_as_if_nothing_had_happened(whole, tmp_p
 @pytest.mark.slow
 def test_a_kill_loses_no_more_than_what_came_after_the_last_checkpoint(tmp_path):
     arguments = ["--envs", "8", "--steps", "2000000", "--checkpoint-every", "2000"]
-    command = [sys.executable, "-m", "baselines.commands", "train", "-o", "out", *arguments]
+    command = [sys.executable, "-m", "baselines.cli", "train", "-o", "out", *arguments]
     checkpoint = tmp_path / "out" / "checkpoint.pt"
     run = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE)
     deadline = time.monotonic() + 120.0
@@ -129,7 +129,7 @@ def test_only_its_own_training_is_resumed(tmp_path):
 
 
 def flexdrive(*arguments, cwd):
-    command = [sys.executable, "-m", "baselines.commands", "train", *map(str, arguments)]
+    command = [sys.executable, "-m", "baselines.cli", "train", *map(str, arguments)]
     return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
 
 
@@ -289,7 +289,7 @@ def test_a_retrained_agent_is_compared(whole):
 
 def test_the_command_refuses_what_it_cannot_do(tmp_path):
     done = subprocess.run(
-        [sys.executable, "-m", "baselines.commands", "train", "--reproduce", "x9-9", "-o", "out"],
+        [sys.executable, "-m", "baselines.cli", "train", "--reproduce", "x9-9", "-o", "out"],
         cwd=tmp_path, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 1
@@ -299,7 +299,7 @@ def test_the_command_refuses_what_it_cannot_do(tmp_path):
 
 def test_the_command_prints_what_it_found(tmp_path):
     done = subprocess.run(
-        [sys.executable, "-m", "baselines.commands", "train", "-o", "out", "--steps", "256", "--envs", "8", "--json"],
+        [sys.executable, "-m", "baselines.cli", "train", "-o", "out", "--steps", "256", "--envs", "8", "--json"],
         cwd=tmp_path, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr

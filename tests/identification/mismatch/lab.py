@@ -9,8 +9,8 @@ from identification.mismatch.crew import Crew
 from identification.mismatch.split import Split
 from identification.mismatch.verdict import Diagnosis, RecordingFit
 from identification.mismatch.workbench import Workbench
-from identification.output_error import prepare, simulate_run
 from identification.quantities import HANDOUT_RATIOS, Quantity
+from identification.replay.output_error import prepare, simulate_run
 from tests.drive.drives import RIG
 from tests.identification.lab import COUNTS, QUANTUM, run
 

@@ -10,7 +10,7 @@ from identification.mismatch.diagnose import spring_notes
 from identification.mismatch.shapes import ALONG_TRACK
 from identification.mismatch.split import split_recordings
 from identification.mismatch.unnamed import left_unnamed
-from identification.output_error import prepare
+from identification.replay.output_error import prepare
 from tests.drive.drives import RIG
 from tests.identification.lab import COUNTS, lab_day
 from tests.identification.mismatch.lab import SHORT, T, short_day

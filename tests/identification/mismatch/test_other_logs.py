@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identification import diagnose, read_recordings
-from tests.baselines.public.stand_ins import CARRIAGE, write_carriage
+from tests.baselines.public_data.stand_ins import CARRIAGE, write_carriage
 from tests.identification.mismatch.lab import SHORT, T, short_day
 
 

@@ -9,7 +9,7 @@ from flexdrive_gym.drive.parameters import fastest
 from identification.mismatch import refit as module
 from identification.mismatch.crew import Crew
 from identification.mismatch.refit import Coordinates, refit, sensitivities
-from identification.output_error import PHYSICS_S
+from identification.replay.output_error import PHYSICS_S
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import short_day, workbench
 

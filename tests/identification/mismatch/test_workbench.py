@@ -6,7 +6,7 @@ import pytest
 from identification.mismatch.crew import Crew
 from identification.mismatch.settle import absorb
 from identification.mismatch.workbench import FRICTION, OFFSET, Disturbance
-from identification.output_error import simulate_run
+from identification.replay.output_error import simulate_run
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import short_day, workbench
 

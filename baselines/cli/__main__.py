@@ -1,0 +1,5 @@
+"""``python -m baselines.cli`` is ``flexdrive``."""
+
+from baselines.cli import main
+
+main()

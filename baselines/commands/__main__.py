@@ -1,5 +1,0 @@
-"""``python -m baselines.commands`` is ``flexdrive``."""
-
-from baselines.commands import main
-
-main()

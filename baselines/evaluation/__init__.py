@@ -1,0 +1,1 @@
+"""Controllers and policies run and measured: roll-outs, adapters, metrics, their statistics."""

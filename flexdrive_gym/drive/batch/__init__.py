@@ -1,0 +1,1 @@
+"""Many drives in one compiled call."""

@@ -1,0 +1,1 @@
+"""Several recordings of one drive in the lanes of a vector."""

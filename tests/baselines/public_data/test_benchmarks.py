@@ -1,0 +1,161 @@
+"""Benchmarks on stand-ins whose physics is known, and on the real data where they are."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from baselines.cli.benchmark import Name
+from baselines.public_data import BENCHMARKS, run_benchmark
+from baselines.public_data.plot import draw_ladder
+from flexdrive_gym import Fault
+from tests.baselines.public_data.stand_ins import CARRIAGE, lose, write_belt, write_carriage, write_oscillator
+
+REAL = Path(__file__).parents[4] / "shared" / "recordings"
+
+
+@pytest.fixture(scope="module")
+def carriage(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("emps")
+    write_carriage(folder / "train.csv", 18.0, seed=1)
+    write_carriage(folder / "test.csv", 6.0, seed=2)
+    return run_benchmark(BENCHMARKS["emps"], folder)
+
+
+def names(result):
+    return {rung.name for rung in result.ladder[1:]}
+
+
+def test_a_carriage_shows_dry_friction_and_a_constant_force(carriage):
+    assert "coulomb_friction@cart_1" in names(carriage)
+    # from one cart a constant force on the command is one on the guide, and while moving one in the friction
+    assert names(carriage) & {"input_offset@actuator", "tilt@guide", "coulomb_asymmetry@cart_1"}
+    drive = carriage.final[-1].drive
+    for name in ("m1", "b1", "d1"):
+        assert drive[name] == pytest.approx(CARRIAGE[name], rel=0.05)
+
+
+def test_the_ladder_is_scored_in_every_part(carriage):
+    for rungs, parts in ((carriage.ladder, ("learnt", "validation")), (carriage.final, ("test",))):
+        for part in parts:
+            assert carriage.rms(rungs[-1].name, part) < 0.1 * carriage.rms(rungs[0].name, part)
+    assert carriage.rms(carriage.final[-1].name, "test") < 0.5
+    found = carriage.as_json()
+    assert [r["rung"] for r in found["ladder"]] == [r.name for r in carriage.ladder]
+    assert found["ladder"][-1]["parameters"]["d1"]["unit"] == "V"
+
+
+def test_the_picture_shows_every_rung_and_the_published_levels(carriage):
+    axes, tested = draw_ladder(carriage).axes
+    assert len(axes.get_xticklabels()) == len(carriage.ladder)
+    assert len(tested.get_xticklabels()) == len(carriage.final)
+    assert {t.get_text() for t in axes.texts} == {"linear state space", "best reported"}
+    assert "mm" in axes.get_ylabel()
+
+
+def test_a_pulse_counter_on_a_belt_drive_is_recognised(tmp_path):
+    for i in (1, 2):
+        write_belt(tmp_path / f"uniform_{i}_train.csv", 400, seed=i, shift=0.5 * (i - 1))
+    result = run_benchmark(BENCHMARKS["coupled_drives"], tmp_path)
+    assert "rectified_sensor@encoder_2" in names(result)
+    last = result.ladder[-1].name
+    # record 1 and 2 are columns of their own
+    assert {s.column for s in result.scores} == {"record 1", "record 2"}
+    assert result.rms(last, "learnt") < 0.5 * result.rms(result.ladder[0].name, "learnt")
+
+
+@pytest.mark.slow
+def test_an_oscillator_shows_its_cubic_spring(tmp_path):
+    write_oscillator(tmp_path / "train_multisine.csv", 6000, seed=3)
+    write_oscillator(tmp_path / "test_arrow.csv", 2000, seed=4, grow=True)
+    result = run_benchmark(BENCHMARKS["silverbox"], tmp_path)
+    assert "hardening_spring@spring" in names(result)
+    last = result.ladder[-1].name
+    # the noise is 0.1 mV
+    assert result.rms(last, "validation") < 0.2
+    # beyond the range of training it is the same spring; an arrow is scored in both columns
+    whole, within = (result.rms(result.final[-1].name, "test", c) for c in ("arrow", "arrow within range"))
+    assert whole < 0.3
+    assert within < 0.3
+    assert whole != within
+    assert np.isnan(result.rms(result.final[-1].name, "test", "multisine"))
+    k3 = result.as_json()["ladder"][-1]["parameters"]["hardening_spring.k3"]
+    assert k3["value"] == pytest.approx(7.8e-5 * 100.0**3 / 20.0, rel=0.05)
+    assert k3["unit"] == "V/V³"
+
+
+@pytest.mark.parametrize(
+    ("name", "write", "where", "sample_time"),
+    [
+        ("silverbox", write_oscillator, "encoder_1", 3.0 * 2.0**14 / 1e7),
+        ("coupled_drives", write_belt, "encoder_2", 0.02),
+    ],
+)
+def test_missing_samples_are_faults_and_no_numbers(tmp_path, name, write, where, sample_time):
+    file = tmp_path / "uniform_1_train.csv"
+    write(file, 400, seed=1)
+    whole = BENCHMARKS[name].read(file)
+    assert whole.faults == ()
+    lose(file, (100, 101, 102))
+    run = BENCHMARKS[name].read(file)
+    assert [(f.recording, f.where, f.id) for f in run.faults] == [("uniform_1_train", where, "missing_samples")]
+    assert (run.faults[0].start_s, run.faults[0].end_s) == pytest.approx((100 * sample_time, 102 * sample_time))
+    channel, values = next(run.channels())
+    assert np.flatnonzero(~run.valid(channel)).tolist() == [100, 101, 102]
+    assert np.array_equal(np.delete(values, [100, 101, 102]), np.delete(getattr(whole, channel), [100, 101, 102]))
+    assert np.isfinite(values).all()
+
+
+def test_a_file_without_the_columns_is_named(tmp_path):
+    (tmp_path / "train.csv").write_text("t_s,u_V,q_m\n0,1,2\n")
+    with pytest.raises(
+        ValueError, match=r"train\.csv: columns: must contain .* which rig\.toml calls 'y_V'; got columns t_s, u_V, q_m"
+    ):
+        BENCHMARKS["silverbox"].read(tmp_path / "train.csv")
+
+
+def test_times_of_faults_are_the_rigs(carriage):
+    assert carriage.faults == ()
+    fault = Fault("train", "encoder_1", "missing_samples", 3.0, 6.0)
+    slow = replace(
+        carriage,
+        benchmark=BENCHMARKS["silverbox"],
+        recordings=(replace(carriage.recordings[0], faults=(fault,), notes=("jitter",)),),
+    )
+    assert [(f.start_s, f.end_s) for f in slow.faults] == [(1.0, 2.0)]
+    assert slow.notes == ("train: jitter",)
+
+
+def test_a_folder_without_training_files_is_named(tmp_path):
+    with pytest.raises(ValueError, match=r"data: .* must hold training files of emps \(\*train\*\); got none"):
+        run_benchmark(BENCHMARKS["emps"], tmp_path)
+
+
+def test_the_command_knows_every_benchmark():
+    assert {name.value for name in Name} == set(BENCHMARKS)
+
+
+@pytest.mark.parametrize("name", sorted(BENCHMARKS))
+def test_published_rows_have_a_figure_per_column(name):
+    benchmark = BENCHMARKS[name]
+    assert all(len(p.figures) == len(benchmark.columns) for p in benchmark.published)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "most", "named"),
+    [
+        ("emps", 5.53, {"coulomb_friction@cart_1"}),
+        # both records together, against the mean of the two of a linear state space model
+        ("coupled_drives", 0.304, {"rectified_sensor@encoder_2", "coulomb_friction@cart_2"}),
+        ("silverbox", 0.36, {"hardening_spring@spring"}),
+    ],
+)
+def test_the_real_recordings(name, most, named):
+    if not (REAL / name).is_dir():
+        pytest.skip(f"no real recordings: {REAL / name} does not exist")
+    result = run_benchmark(BENCHMARKS[name], REAL / name)
+    assert named <= names(result)
+    assert np.isfinite(result.rms(result.ladder[-1].name, "validation"))
+    assert result.rms(result.ladder[-1].name, "validation") < most

@@ -1,0 +1,63 @@
+"""Recordings side by side give the residuals that each gives by itself."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.replay.batch import Together
+from identification.replay.output_error import prepare, simulate_run
+from tests.drive.drives import RIG
+from tests.identification.mismatch.lab import SHORT, short_day
+
+DRIVES = [
+    RIG,
+    {**RIG, "presliding.cart_1.fd": 0.2, "presliding.cart_1.xs": 0.3},
+    {**RIG, "cogging.a_sin": 0.1, "cogging.P": 25.0},
+]
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return [prepare(r) for r in short_day(kinds=SHORT[:3])]
+
+
+def alone(values, run, offset=0.0, pushes=None):
+    """Block means the long way."""
+    simulated = simulate_run(values, replace(run, track=run.track + offset), pushes=pushes)
+    found = []
+    for measured, y, keep in zip(run.measured, simulated, run.keep, strict=True):
+        for begin in range(0, len(run.u), run.block):
+            part = slice(begin, begin + run.block)
+            error = (measured - y)[part][keep[part]]
+            found.append(error.mean() if len(error) else 0.0)
+    return np.array(found)
+
+
+@pytest.mark.parametrize("values", DRIVES)
+def test_every_recording_as_by_itself(runs, values):
+    offsets = np.linspace(0.0, 5.0, len(runs))
+    expected = np.concatenate([alone(values, run, o) for run, o in zip(runs, offsets, strict=True)])
+    assert Together(runs).residual(values, offsets) == pytest.approx(expected, abs=1e-9)
+
+
+def test_some_of_them_each_with_a_drive_and_a_push_of_its_own(runs):
+    pushes = [0.05 * np.ones((2, len(run.u))) for run in runs[1:3]]
+    expected = [alone(v, run, pushes=f) for v, run, f in zip(DRIVES[:2], runs[1:3], pushes, strict=True)]
+    found = Together(runs).residual(DRIVES[:2], np.zeros(len(runs)), 1, 3, pushes)
+    assert found == pytest.approx(np.concatenate(expected), abs=1e-9)
+
+
+def test_positions_and_a_command_that_was_continuous(runs):
+    run = runs[0]
+    fine = np.repeat(run.u, 2)
+    one = replace(run, fine=fine, cutoff=0.0)
+    for positions in (False, True):
+        other = replace(one, positions=positions)
+        found = Together([other]).residual(RIG, np.zeros(1))
+        assert found == pytest.approx(alone(RIG, other), abs=1e-6)
+
+
+def test_a_drive_that_runs_away_leaves_a_number(runs):
+    residual = Together(runs).residual({**RIG, "m1": 1e-9, "m2": 1e-9, "k": 50.0, "b1": 5.0}, np.zeros(len(runs)))
+    assert np.all(np.isfinite(residual))
