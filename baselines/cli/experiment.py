@@ -2,18 +2,69 @@
 
 from __future__ import annotations
 
+import math
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from baselines.cli._output import DriveFile, Json, print_json, progress, say, table
+from baselines.cli._output import Json, number, print_json, progress, say, table
 from baselines.cli._results import Force, interrupted_says, require_no_recordings
+
+if TYPE_CHECKING:
+    from baselines.rig import Limits, Rig, RigBench
+
+# a rig's gain is searched as finely as its runs repeat
+_RIG_PRECISION = 1e-2
+# a command that pushes one way for so long moves no vibration, it runs away
+_RIG_RESTING_S = 0.5
+
+
+_TIMES = {
+    "response": "response of this computer: sample to command",
+    "latency": "loop latency by the rig's clock: sample to command",
+    "jitter": "jitter: time between arrivals, less the period",
+}
+
+
+class Part(StrEnum):
+    """Sections of the handout."""
+
+    STABLE = "2.1"
+    CRITICAL = "2.2"
+    UNSTABLE = "2.3"
+    COLLOCATED = "2.4"
+    SQUARES = "2.5"
+    SINES = "2.6"
 
 
 def experiment(
-    drive: DriveFile,
-    output: Annotated[Path, typer.Option("--output", "-o", file_okay=False, help="Folder for the recordings.")],
+    drive: Annotated[
+        Path | None,
+        typer.Argument(
+            exists=True,
+            dir_okay=False,
+            metavar="[DRIVE]",
+            help="A drive.toml: what a simulated rig is; for another rig, a first guess of its critical gain.",
+        ),
+    ] = None,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", file_okay=False, help="Folder for the recordings.", show_default=False)
+    ] = ...,  # type: ignore[assignment]
+    rig: Annotated[
+        str,
+        typer.Option(
+            help="Where the rig is: simulated, udp://HOST:PORT or serial:///dev/ttyUSB0?baud=921600 (docs/rig.md). Not a rig.toml: "
+            "that says what the columns of recordings mean, and this command reads none.",
+            metavar="ADDRESS",
+        ),
+    ] = "simulated",
+    part: Annotated[list[Part] | None, typer.Option(help="Make these sections only; repeatable.")] = None,
     square: Annotated[
         list[float] | None, typer.Option(min=0.01, max=1000.0, help="Amplitude of a square [V]; repeatable.")
     ] = None,
@@ -21,34 +72,131 @@ def experiment(
     frequency: Annotated[
         list[float] | None, typer.Option(min=0.01, max=500.0, help="Of a sine [Hz]; repeatable.")
     ] = None,
+    travel: Annotated[
+        float | None, typer.Option(min=1.0, max=1e4, help="Stop where a cart is farther from zero [mm]; default: the rig's.")
+    ] = None,
+    voltage: Annotated[
+        float | None, typer.Option(min=0.01, max=1000.0, help="Largest command [V]; default: the rig's.")
+    ] = None,
+    late: Annotated[
+        float, typer.Option(min=0.1, max=1e4, help="Stop where a sample comes later, or so long a gap is lost [ms].")
+    ] = 20.0,
+    watchdog: Annotated[
+        float, typer.Option(min=1.0, max=1e4, help="Stop after so long without a sample, on this side, or a command, on the rig's [ms].")
+    ] = 100.0,
     compress: Annotated[bool, typer.Option(help="Write .csv.gz.")] = False,
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Run the in-lab day 2.1-2.6 on the simulated rig; write recordings in the rig's format."""
-    from baselines.lab.experiments import FREQUENCIES_HZ, SQUARES_V, lab_day  # noqa: PLC0415
+    """Run the in-lab day 2.1-2.6 on a rig, simulated by default; write recordings in the rig's format."""
+    from baselines.lab.experiments import FREQUENCIES_HZ, PRECISION, SQUARES_V, lab_day, limit_in_the_lab  # noqa: PLC0415
+    from baselines.rig import RigBench, open_rig  # noqa: PLC0415
     from flexdrive_gym import load_drive  # noqa: PLC0415
     from flexdrive_gym.files import only_writer  # noqa: PLC0415
     from identification import write_recording  # noqa: PLC0415
 
-    rig = load_drive(drive)
+    guess = None if drive is None else load_drive(drive)
     require_no_recordings(output, force=force)
     squares, frequencies = tuple(square or SQUARES_V), tuple(frequency or FREQUENCIES_HZ)
-    written = []
-    kept = "the recordings written so far are whole, and stay."
-    with interrupted_says(lambda: kept), only_writer(output), progress() as bar:
-        task = bar.add_task("experiments", total=4 + len(squares) + len(frequencies))
-        for run in lab_day(rig, squares=squares, sine_amplitude=sine, frequencies=frequencies):
+    parts = tuple(p.value for p in part or Part)
+    written: list[dict[str, Any]] = []
+    with (
+        only_writer(output),
+        _connected(open_rig(rig, guess)) as real,
+        interrupted_says(lambda: "0 V was put out; the recordings written so far are whole, and stay."),
+        _terminated_as_interrupted(),
+        progress() as bar,
+    ):
+        task = bar.add_task("experiments", total=_count(parts, len(squares), len(frequencies)))
+        limits, simulated = _limits(real, travel, voltage, late, watchdog), real.description.returns
+        bench = RigBench(real, limits, tell=lambda sentence: None if json else print(sentence, file=sys.stderr))
+        if not json and not simulated:
+            say(_told(real, bench.limits))
+        for run in lab_day(
+            bench,
+            squares=squares,
+            sine_amplitude=sine,
+            frequencies=frequencies,
+            parts=parts,
+            near=None if simulated or guess is None else limit_in_the_lab(guess),
+            precision=PRECISION if simulated else _RIG_PRECISION,
+        ):
             path = output / f"{run.name}{'.csv.gz' if compress else '.csv'}"
             write_recording(run, path)
             written.append({"file": path, "experiment": str(run.excitation), "notes": run.notes})
             bar.advance(task)
+    _print_results(output, real, rig, bench, written, json=json)
+
+
+@contextmanager
+def _connected(rig: Rig) -> Iterator[Rig]:
+    try:
+        yield rig
+    finally:
+        rig.close()
+
+
+@contextmanager
+def _terminated_as_interrupted() -> Iterator[None]:
+    """Have a polite end from outside, which Python knows no exception for, stop the motor as Ctrl-C does."""
+
+    def interrupt(_signal: int, _frame: Any) -> None:
+        raise KeyboardInterrupt
+
+    names = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = {number: signal.signal(number, interrupt) for number in names}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _limits(rig: Rig, travel: float | None, voltage: float | None, late: float, watchdog: float) -> Limits:
+    from baselines.rig import Limits  # noqa: PLC0415
+
+    return Limits(
+        travel=travel or math.inf,
+        voltage=voltage or math.inf,
+        resting=math.inf if rig.description.returns else _RIG_RESTING_S,
+        late=late / 1e3,
+        watchdog=watchdog / 1e3,
+    )
+
+
+def _count(parts: Sequence[str], squares: int, sines: int) -> int:
+    many = {"2.5": squares, "2.6": sines}
+    return sum(many.get(part, 1) for part in parts)
+
+
+def _told(rig: Rig, limits: Limits) -> str:
+    said = rig.description
+    clock = "" if said.real_time else "; its clock waits for commands, so it is a simulation"
+    return (
+        f"{said.name}: {said.carts} cart{'s' if said.carts > 1 else ''}, a sample every {1e3 * said.period:g} ms{clock}. The motor "
+        f"stops beyond ±{limits.travel:g} mm, after {1e3 * limits.watchdog:g} ms of silence, for a sample {1e3 * limits.late:g} ms "
+        f"late, and where ±{limits.voltage:g} V do not suffice for {limits.resting:g} s. Ctrl-C stops it at once."
+    )
+
+
+def _print_results(
+    output: Path, rig: Rig, address: str, bench: RigBench, written: Sequence[dict[str, Any]], *, json: bool
+) -> None:
+    from baselines.rig.timing import together  # noqa: PLC0415
+
+    said, times = rig.description, together(bench.timings.values()).summary()
     if json:
-        print_json({"folder": output, "recordings": written})
+        told = {"address": address, "name": said.name, "carts": said.carts, "period_s": said.period, "real_time": said.real_time}
+        print_json({"folder": output, "recordings": written, "rig": {**told, "limits": bench.limits}, "timing_ms": times})
         return
     table(
-        f"recordings of {rig.name} in {output}",
+        f"recordings of {said.name} in {output}",
         ["file", "experiment", "note"],
-        [[Path(str(w["file"])).name, str(w["experiment"]), "; ".join(w["notes"])] for w in written],  # type: ignore[arg-type]
+        [[Path(str(w["file"])).name, str(w["experiment"]), "; ".join(w["notes"])] for w in written],
     )
     say(f"wrote {len(written)} recordings")
+    table(
+        "times of a sample",
+        ["", "median [ms]", "99 % [ms]", "largest [ms]"],
+        [[_TIMES[name], *(number(t[q], 3) for q in ("median", "p99", "max"))] for name, t in times.items() if t is not None],
+    )

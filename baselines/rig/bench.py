@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from baselines.experiments import DURATION_S, P_CONTROL_S, closed_loop_name, open_loop_name
+from baselines.lab.experiments import DURATION_S, P_CONTROL_S, closed_loop_name, open_loop_name
 from baselines.rig.loop import run
 from baselines.rig.protocol import Limits, Rig, RigStopped
 from baselines.rig.timing import Timing

@@ -59,6 +59,11 @@ class Frames:
             pass
 
 
+def _readable(file: Any, timeout: float) -> bool:
+    """Wait for data. A socket's own timeout is rounded up to milliseconds, a sample's whole period."""
+    return bool(select.select([file], [], [], timeout)[0])
+
+
 class UdpLink:
     """This program's end: datagrams to one rig, and from it alone."""
 
@@ -89,11 +94,10 @@ class UdpLink:
         RigStopped
             If the other side says that nobody listens.
         """
-        self._socket.settimeout(max(timeout, 1e-6))
+        if not _readable(self._socket, timeout):
+            return b""
         try:
             return self._socket.recv(_MOST_BYTES)
-        except TimeoutError:
-            return b""
         except OSError as error:
             raise RigStopped("lost peer", f"nobody listens at {self.name} ({error}).") from error
 
@@ -120,10 +124,11 @@ class UdpPeerLink:
 
     def receive(self, timeout: float) -> bytes:
         """Return a datagram, or nothing."""
-        self._socket.settimeout(max(timeout, 1e-6))
+        if not _readable(self._socket, timeout):
+            return b""
         try:
             data, sender = self._socket.recvfrom(_MOST_BYTES)
-        except OSError:  # nothing came, or the other side is gone: the watchdog's matter
+        except OSError:  # the other side is gone: the watchdog's matter
             return b""
         if self.exclusive and sender != self._other:
             return b""
@@ -205,9 +210,7 @@ class PtyLink:
 
     def receive(self, timeout: float) -> bytes:
         """Return the bytes that came."""
-        if select.select([self._own], [], [], timeout)[0]:
-            return os.read(self._own, _MOST_BYTES)
-        return b""
+        return os.read(self._own, _MOST_BYTES) if _readable(self._own, timeout) else b""
 
     def close(self) -> None:
         """Close both ends."""

@@ -109,11 +109,11 @@ def _loop(rig: Rig, controller: Callable[[Observation], float], xr: list[float],
     log.zero = zero_1, zero_2 = reading.x1, reading.x2
     inside = False
     begin, earliest = arrived - reading.t, 0.0
-    before: tuple[float, float, float] | None = None
+    before: tuple[int, float, float] | None = None
     rests_since = inf
     while True:
         x1, x2 = reading.x1 - zero_1, reading.x2 - zero_2
-        v1, v2 = _velocities(reading, (reading.t, x1, x2), before)
+        v1, v2 = _velocities(reading, (x1, x2), before, period)
         seen = Observation(reading.t, xr[reading.sequence], x1, x2, v1, v2)
         log.rows.append((seen.t, seen.xr, x1, x2, v1, v2))
         beyond = max(reading.x1, reading.x2, key=abs)
@@ -138,7 +138,7 @@ def _loop(rig: Rig, controller: Callable[[Observation], float], xr: list[float],
         rig.write(u)
         log.timing.response.append(perf_counter() - arrived)
         log.u.append(u)
-        before = (reading.t, x1, x2)
+        before = (reading.sequence, x1, x2)
         last, last_arrived = reading, arrived
         # one sample more than is recorded tells what was put out since the last one
         if outside:
@@ -175,15 +175,15 @@ def _check_lost(last: Reading, now: Reading, late: float, period: float, log: _L
 
 
 def _velocities(
-    reading: Reading, now: tuple[float, float, float], before: tuple[float, float, float] | None
+    reading: Reading, now: tuple[float, float], before: tuple[int, float, float] | None, period: float
 ) -> tuple[float, float]:
     """Return what the rig says, or the raw differences of positions; 0 at the first sample [mm/s]."""
     if reading.v1 is not None and reading.v2 is not None:
         return reading.v1, reading.v2
     if before is None:
         return 0.0, 0.0
-    step = now[0] - before[0]
-    return (now[1] - before[1]) / step, (now[2] - before[2]) / step
+    step = (reading.sequence - before[0]) * period
+    return (now[0] - before[1]) / step, (now[1] - before[2]) / step
 
 
 def _clipped(u: float, limit: float) -> float:

@@ -57,6 +57,11 @@ class Peer:
         )
         self._tell = tell
         self._reason = Reason.ASKED
+        # compiled before anybody waits; at rest nothing moves
+        plant.start(watchdog)
+        plant.read()
+        plant.read()
+        plant.stop()
 
     @property
     def output(self) -> float:
@@ -171,10 +176,6 @@ def main(arguments: list[str] | None = None) -> int:
         peer = Peer(plant, _link(given), watchdog=given.watchdog / 1e3, lockstep=given.lockstep, tell=_print)
     except (ValueError, OSError) as error:
         parser.error(str(error))
-    plant.start(0.0)  # compiles
-    plant.read()
-    plant.read()
-    plant.stop()
     _print(f"rig at {_address(peer.frames.link)}")
     try:
         peer.serve()

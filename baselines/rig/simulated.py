@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from baselines.rig.protocol import Description, Limits, Reading
-from baselines.stability_limit import with_rig
+from baselines.loop_analysis.stability_limit import with_rig
 from flexdrive_gym import Drive
 from flexdrive_gym.drive import kernels, parameters
 from flexdrive_gym.drive.sample import WORK_SPACE
