@@ -43,7 +43,13 @@ def main() -> None:
         timed(folder)  # leaves the compiled file, as an installer does
         pairs = np.array([(timed(folder), timed(empty)) for _ in range(PAIRS)]) / 1e6
     print(f"CPU time, median of {PAIRS} pairs of fresh processes (half of the pairs between):")
-    for what, own in (("start of Python", pairs[:, :, 0]), ("import gymnasium", pairs[:, :, 1]), ("both", pairs.sum(axis=2))):
+    for what, own in (
+        ("start of Python", pairs[:, :, 0]),
+        ("import gymnasium", pairs[:, :, 1]),
+        ("both", pairs.sum(axis=2)),
+    ):
         low, middle, high = np.quantile(own[:, 0] - own[:, 1], (0.25, 0.5, 0.75))
-        print(f"  {what:16s} {np.median(own[:, 1]):6.1f} ms, with our environments {middle:+.2f} ms ({low:+.2f} to {high:+.2f})")
+        print(
+            f"  {what:16s} {np.median(own[:, 1]):6.1f} ms, with our environments {middle:+.2f} ms ({low:+.2f} to {high:+.2f})"
+        )
     print(f"  aim: below {AIM_MS:g} ms")

@@ -59,8 +59,8 @@ def experiment(
     rig: Annotated[
         str,
         typer.Option(
-            help="Where the rig is: simulated, udp://HOST:PORT or serial:///dev/ttyUSB0?baud=921600 (docs/rig.md). Not a rig.toml: "
-            "that says what the columns of recordings mean, and this command reads none.",
+            help="Where the rig is: simulated, udp://HOST:PORT or serial:///dev/ttyUSB0?baud=921600 (docs/rig.md). Not a "
+            "rig.toml: that says what the columns of recordings mean, and this command reads none.",
             metavar="ADDRESS",
         ),
     ] = "simulated",
@@ -73,7 +73,8 @@ def experiment(
         list[float] | None, typer.Option(min=0.01, max=500.0, help="Of a sine [Hz]; repeatable.")
     ] = None,
     travel: Annotated[
-        float | None, typer.Option(min=1.0, max=1e4, help="Stop where a cart is farther from zero [mm]; default: the rig's.")
+        float | None,
+        typer.Option(min=1.0, max=1e4, help="Stop where a cart is farther from zero [mm]; default: the rig's."),
     ] = None,
     voltage: Annotated[
         float | None, typer.Option(min=0.01, max=1000.0, help="Largest command [V]; default: the rig's.")
@@ -82,7 +83,10 @@ def experiment(
         float, typer.Option(min=0.1, max=1e4, help="Stop where a sample comes later, or so long a gap is lost [ms].")
     ] = 20.0,
     watchdog: Annotated[
-        float, typer.Option(min=1.0, max=1e4, help="Stop after so long without a sample, on this side, or a command, on the rig's [ms].")
+        float,
+        typer.Option(
+            min=1.0, max=1e4, help="Stop after so long without a sample, on this side, or a command, on the rig's [ms]."
+        ),
     ] = 100.0,
     compress: Annotated[bool, typer.Option(help="Write .csv.gz.")] = False,
     force: Force = False,
@@ -171,11 +175,12 @@ def _count(parts: Sequence[str], squares: int, sines: int) -> int:
 
 def _told(rig: Rig, limits: Limits) -> str:
     said = rig.description
+    carts = f"{said.carts} cart{'s' if said.carts > 1 else ''}"
     clock = "" if said.real_time else "; its clock waits for commands, so it is a simulation"
     return (
-        f"{said.name}: {said.carts} cart{'s' if said.carts > 1 else ''}, a sample every {1e3 * said.period:g} ms{clock}. The motor "
-        f"stops beyond ±{limits.travel:g} mm, after {1e3 * limits.watchdog:g} ms of silence, for a sample {1e3 * limits.late:g} ms "
-        f"late, and where ±{limits.voltage:g} V do not suffice for {limits.resting:g} s. Ctrl-C stops it at once."
+        f"{said.name}: {carts}, a sample every {1e3 * said.period:g} ms{clock}. The motor stops beyond ±{limits.travel:g} mm, "
+        f"after {1e3 * limits.watchdog:g} ms of silence, for a sample {1e3 * limits.late:g} ms late, and where "
+        f"±{limits.voltage:g} V do not suffice for {limits.resting:g} s. Ctrl-C stops it at once."
     )
 
 
@@ -186,8 +191,16 @@ def _print_results(
 
     said, times = rig.description, together(bench.timings.values()).summary()
     if json:
-        told = {"address": address, "name": said.name, "carts": said.carts, "period_s": said.period, "real_time": said.real_time}
-        print_json({"folder": output, "recordings": written, "rig": {**told, "limits": bench.limits}, "timing_ms": times})
+        told = {
+            "address": address,
+            "name": said.name,
+            "carts": said.carts,
+            "period_s": said.period,
+            "real_time": said.real_time,
+        }
+        print_json(
+            {"folder": output, "recordings": written, "rig": {**told, "limits": bench.limits}, "timing_ms": times}
+        )
         return
     table(
         f"recordings of {said.name} in {output}",
@@ -198,5 +211,9 @@ def _print_results(
     table(
         "times of a sample",
         ["", "median [ms]", "99 % [ms]", "largest [ms]"],
-        [[_TIMES[name], *(number(t[q], 3) for q in ("median", "p99", "max"))] for name, t in times.items() if t is not None],
+        [
+            [_TIMES[name], *(number(t[q], 3) for q in ("median", "p99", "max"))]
+            for name, t in times.items()
+            if t is not None
+        ],
     )

@@ -97,8 +97,8 @@ def p_control(
 def limit_in_the_lab(on: Drive | Bench, near: float | None = None, *, precision: float = PRECISION) -> float | None:
     """Return the gain at which four seconds of the repeating trajectory begin to grow, as a student finds it (2.2).
 
-    It lies below :func:`~baselines.loop_analysis.stability_limit.critical_gain`: every move of the trajectory pushes the vibration anew,
-    and friction holds a small vibration but not a large one.
+    It lies below :func:`~baselines.loop_analysis.stability_limit.critical_gain`: every move of the trajectory pushes the
+    vibration anew, and friction holds a small vibration but not a large one.
 
     Parameters
     ----------
@@ -160,7 +160,9 @@ def _short(value: float) -> str:
     return f"{value:.1f}" if abs(value - round(value, 1)) < 1e-9 else f"{value:g}"
 
 
-def stability_experiments(on: Drive | Bench, near: float | None = None, *, precision: float = PRECISION) -> dict[str, Recording]:
+def stability_experiments(
+    on: Drive | Bench, near: float | None = None, *, precision: float = PRECISION
+) -> dict[str, Recording]:
     """Run 2.1-2.4: stable, critically stable, unstable, and collocated at the unstable gain.
 
     Parameters

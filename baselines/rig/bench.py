@@ -97,7 +97,8 @@ class RigBench:
         """
         if amplitude > self.limits.voltage:
             raise ValueError(
-                f"{kind}: the amplitude must be within the command limit of {self.limits.voltage:g} V; got {amplitude:g} V. Lower it."
+                f"{kind}: the amplitude must be within the command limit of {self.limits.voltage:g} V; got {amplitude:g} V. "
+                "Lower it."
             )
         t = self._times(DURATION_S)
         u = (square if kind == "square" else sine)(t, amplitude, frequency)
@@ -126,8 +127,8 @@ class RigBench:
                 self._walk(-x1)
         raise RigStopped(
             "stopped",
-            f"cart 1 does not come to rest within {HOME_MM:g} mm of the rig's zero. Bring the carts to the middle by hand, and see "
-            "that nothing holds them.",
+            f"cart 1 does not come to rest within {HOME_MM:g} mm of the rig's zero. Bring the carts to the middle by hand, and "
+            "see that nothing holds them.",
         )
 
     def _look(self) -> tuple[float, bool]:
@@ -155,5 +156,7 @@ class RigBench:
         made = run(self.rig, controller, reference, self.limits, name=name)
         self.timings[name] = made.timing
         if made.lost:
-            made = replace(made, recording=replace(made.recording, notes=(*made.recording.notes, f"{made.lost} samples lost")))
+            made = replace(
+                made, recording=replace(made.recording, notes=(*made.recording.notes, f"{made.lost} samples lost"))
+            )
         return made.recording

@@ -65,7 +65,7 @@ def _readable(file: Any, timeout: float) -> bool:
 
 
 class UdpLink:
-    """This program's end: datagrams to one rig, and from it alone."""
+    """The program's end: datagrams to one rig, and from it alone."""
 
     def __init__(self, host: str, port: int) -> None:
         self.name = f"udp://{host}:{port}"

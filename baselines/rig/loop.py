@@ -11,7 +11,7 @@ from time import perf_counter
 
 import numpy as np
 
-from baselines.rig.protocol import Limits, Reading, Rig, RigStopped
+from baselines.rig.protocol import Description, Limits, Reading, Rig, RigStopped
 from baselines.rig.timing import Timing
 from flexdrive_gym import Observation, Recording
 from flexdrive_gym.drive.simulate import command_of
@@ -63,6 +63,7 @@ def run(
     limits: Limits | None = None,
     *,
     name: str = "run",
+    clock: Callable[[], float] = perf_counter,
 ) -> Run:
     """Drive a rig for as many samples as there are values of the reference.
 
@@ -79,6 +80,8 @@ def run(
         as the STOP button does.
     name
         Name of the recording.
+    clock
+        This computer's [s], by which samples are late.
 
     Raises
     ------
@@ -96,82 +99,112 @@ def run(
     try:
         with _no_collection():
             rig.start(strict.watchdog)
-            _loop(rig, controller, np.asarray(reference, dtype=np.float64).tolist(), strict, log)
+            _loop(rig, controller, np.asarray(reference, dtype=np.float64).tolist(), strict, log, clock)
     finally:
         rig.stop()
-    return Run(_recording(rig, log, reference, name), log.timing, log.lost, log.zero)
+    return Run(_recording(rig, log, name), log.timing, log.lost, log.zero)
 
 
-def _loop(rig: Rig, controller: Callable[[Observation], float], xr: list[float], limits: Limits, log: _Log) -> None:
-    period, real_time = rig.description.period, rig.description.real_time
+def _loop(
+    rig: Rig,
+    controller: Callable[[Observation], float],
+    xr: list[float],
+    limits: Limits,
+    log: _Log,
+    clock: Callable[[], float],
+) -> None:
+    """Run until the reference or the travel ends; one sample more than is recorded tells what was put out since the last."""
+    guard = _Guard(limits, rig.description)
     reading = rig.read(max(limits.watchdog, _START_S))
-    arrived = perf_counter()
-    log.zero = zero_1, zero_2 = reading.x1, reading.x2
-    inside = False
-    begin, earliest = arrived - reading.t, 0.0
+    arrived = clock()
+    guard.begin(reading, arrived)
+    log.zero = reading.x1, reading.x2
     before: tuple[int, float, float] | None = None
-    rests_since = inf
-    while True:
-        x1, x2 = reading.x1 - zero_1, reading.x2 - zero_2
-        v1, v2 = _velocities(reading, (x1, x2), before, period)
+    while reading.sequence < len(xr):
+        x1, x2 = reading.x1 - log.zero[0], reading.x2 - log.zero[1]
+        v1, v2 = _velocities(reading, (x1, x2), before, rig.description.period)
+        before = (reading.sequence, x1, x2)
         seen = Observation(reading.t, xr[reading.sequence], x1, x2, v1, v2)
         log.rows.append((seen.t, seen.xr, x1, x2, v1, v2))
-        beyond = max(reading.x1, reading.x2, key=abs)
-        inside = inside or abs(beyond) <= limits.travel
-        outside = inside and abs(beyond) > limits.travel
-        if outside:
+        if guard.outside(reading):
+            rig.write(0.0)
+            log.u.append(0.0)
             log.note = f"ended at {seen.t:.3f} s: a cart left the travel of ±{limits.travel:g} mm"
-            u = 0.0
-        else:
-            u = _clipped(command_of(controller, seen), limits.voltage)
-        if not inside and u * beyond > 0.0:
-            u = 0.0  # a run that starts beyond the travel may only lead back
-        # what rests against the limit pushes the same way all the while
-        if abs(u) < _AT_LIMIT * limits.voltage or (log.u and u * log.u[-1] <= 0.0):
-            rests_since = inf
-        elif seen.t - (rests_since := min(rests_since, seen.t)) > limits.resting:
-            raise RigStopped(
-                "command limit",
-                f"the command rested at {u:+.3g} V for {limits.resting:g} s at t = {seen.t:.3f} s. Look for a swapped sign of an "
-                "encoder or a cart that is held; lower the gain.",
-            )
-        rig.write(u)
-        log.timing.response.append(perf_counter() - arrived)
-        log.u.append(u)
-        before = (reading.sequence, x1, x2)
-        last, last_arrived = reading, arrived
-        # one sample more than is recorded tells what was put out since the last one
-        if outside:
             return
+        u = guard.allowed(command_of(controller, seen), reading)
+        rig.write(u)
+        log.timing.response.append(clock() - arrived)
         reading = rig.read(limits.watchdog)
-        arrived = perf_counter()
-        log.u[-1] = reading.u
+        arrived = clock()
+        log.u.append(reading.u)
         if reading.latency is not None:
             log.timing.latency.append(reading.latency)
-        _check_lost(last, reading, limits.late, period, log)
-        if real_time:
-            log.timing.jitter.append(abs(arrived - last_arrived - (reading.t - last.t)))
-            lag = arrived - begin - reading.t
-            earliest = min(earliest, lag)
-            if lag - earliest > limits.late:
+        guard.arrival(reading, arrived, log)
+
+
+class _Guard:
+    """Watches one run, and raises where the motor must stop."""
+
+    def __init__(self, limits: Limits, told: Description) -> None:
+        self.limits, self.period, self.real_time = limits, told.period, told.real_time
+        self._inside = False
+        self._rests_since, self._u = inf, 0.0
+
+    def begin(self, first: Reading, arrived: float) -> None:
+        """Take the first sample as that which came in time."""
+        self._last, self._arrived = first, arrived
+        self._earliest = arrived - first.t
+
+    def outside(self, reading: Reading) -> bool:
+        """Tell whether a cart left the travel in this run."""
+        beyond = max(abs(reading.x1), abs(reading.x2)) > self.limits.travel
+        self._inside = self._inside or not beyond
+        return beyond and self._inside
+
+    def allowed(self, asked: float, reading: Reading) -> float:
+        """Return the command that may be put out instead of the one that was asked for."""
+        limit = self.limits.voltage
+        if not isfinite(asked):
+            raise RigStopped("command limit", f"the controller asked for {asked} V.")
+        u = min(max(asked, -limit), limit)
+        if not self._inside and u * max(reading.x1, reading.x2, key=abs) > 0.0:
+            u = 0.0  # a run that starts beyond the travel may only lead back
+        # what rests against the limit pushes one way all the while
+        if abs(u) < _AT_LIMIT * limit or u * self._u <= 0.0:
+            self._rests_since = inf
+        if abs(u) >= _AT_LIMIT * limit:
+            self._rests_since = min(self._rests_since, reading.t)
+            if reading.t - self._rests_since > self.limits.resting:
+                raise RigStopped(
+                    "command limit",
+                    f"the command rested at {u:+.3g} V for {self.limits.resting:g} s at t = {reading.t:.3f} s. Look for a "
+                    "swapped sign of an encoder or a cart that is held; lower the gain.",
+                )
+        self._u = u
+        return u
+
+    def arrival(self, now: Reading, arrived: float, log: _Log) -> None:
+        """Look at a sample's number and time."""
+        late, last = self.limits.late, self._last
+        lost = now.sequence - last.sequence - 1
+        log.lost += lost
+        if lost * self.period > late:
+            raise RigStopped(
+                "late sample",
+                f"{lost} samples after t = {last.t:.3f} s were lost, {1e3 * lost * self.period:g} ms; {1e3 * late:g} ms are "
+                "allowed. Mend the line, or allow more with --late.",
+            )
+        if self.real_time:
+            log.timing.jitter.append(abs(arrived - self._arrived - (now.t - last.t)))
+            self._earliest = min(self._earliest, arrived - now.t)
+            behind = arrived - now.t - self._earliest
+            if behind > late:
                 raise RigStopped(
                     "late sample",
-                    f"the sample of t = {reading.t:.3f} s came {1e3 * (lag - earliest):.1f} ms late; {1e3 * limits.late:g} ms are "
-                    "allowed. Give this computer less to do, or allow more with --late.",
+                    f"the sample of t = {now.t:.3f} s came {1e3 * behind:.1f} ms late; {1e3 * late:g} ms are allowed. Give this "
+                    "computer less to do, or allow more with --late.",
                 )
-        if reading.sequence >= len(xr):
-            return
-
-
-def _check_lost(last: Reading, now: Reading, late: float, period: float, log: _Log) -> None:
-    lost = now.sequence - last.sequence - 1
-    if lost * period > late:
-        raise RigStopped(
-            "late sample",
-            f"{lost} samples after t = {last.t:.3f} s were lost, {1e3 * lost * period:g} ms; {1e3 * late:g} ms are allowed. Mend the "
-            "line, or allow more with --late.",
-        )
-    log.lost += lost
+        self._last, self._arrived = now, arrived
 
 
 def _velocities(
@@ -186,13 +219,7 @@ def _velocities(
     return (now[0] - before[1]) / step, (now[1] - before[2]) / step
 
 
-def _clipped(u: float, limit: float) -> float:
-    if not isfinite(u):
-        raise RigStopped("command limit", f"the controller asked for {u} V.")
-    return min(max(u, -limit), limit)
-
-
-def _recording(rig: Rig, log: _Log, reference: FloatArray, name: str) -> Recording:
+def _recording(rig: Rig, log: _Log, name: str) -> Recording:
     told = rig.description
     t, xr, x1, x2, v1, v2 = np.array(log.rows).T.copy()
     two = told.carts == 2

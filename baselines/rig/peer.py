@@ -157,7 +157,9 @@ def main(arguments: list[str] | None = None) -> int:
     """Be a rig until Ctrl-C."""
     from flexdrive_gym import load_drive  # noqa: PLC0415  (--help stays quick)
 
-    parser = argparse.ArgumentParser(prog="python -m baselines.rig.peer", description=__doc__.partition("\n")[0] if __doc__ else "")
+    parser = argparse.ArgumentParser(
+        prog="python -m baselines.rig.peer", description=__doc__.partition("\n")[0] if __doc__ else ""
+    )
     parser.add_argument("drive", help="a drive.toml")
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument("--udp", metavar="HOST:PORT", help="port 0: any that is free")
@@ -167,7 +169,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--period", type=float, default=1e3 * PERIOD_S, metavar="MS")
     parser.add_argument("--travel", type=float, default=TRAVEL_MM, metavar="MM")
     parser.add_argument("--watchdog", type=float, default=1e3 * WATCHDOG_S, metavar="MS")
-    parser.add_argument("--lockstep", action="store_true", help="wait for every command instead of keeping the wall's time")
+    parser.add_argument(
+        "--lockstep", action="store_true", help="wait for every command instead of keeping the wall's time"
+    )
     given = parser.parse_args(arguments)
     try:
         plant = SimulatedRig(

@@ -9,7 +9,7 @@ from typing import Protocol
 MOST_NAME = 32
 
 
-class RigStopped(OSError):
+class RigStopped(OSError):  # noqa: N818  (it says what happened)
     """The motor was stopped before the experiment was over.
 
     Attributes
@@ -86,7 +86,7 @@ class Description:
     period: float
     carts: int = 2
     quantum: tuple[float, float] = (0.0, 0.0)
-    limits: Limits = Limits()  # noqa: RUF009  (frozen)
+    limits: Limits = Limits()
     real_time: bool = True
     returns: bool = False
 

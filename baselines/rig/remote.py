@@ -56,9 +56,12 @@ class RemoteRig:
                     return description(frame)
         other = self._frames.scanner.other_version
         if other is not None:
-            raise ValueError(f"rig: {self.name} speaks version {other} of the format; this program speaks {VERSION} (docs/rig.md).")
+            raise ValueError(
+                f"rig: {self.name} speaks version {other} of the format; this program speaks {VERSION} (docs/rig.md)."
+            )
         raise RigStopped(
-            "lost peer", f"no rig answers at {self.name} within {_ASKS * _PATIENCE_S:g} s. Switch it on, or name another address."
+            "lost peer",
+            f"no rig answers at {self.name} within {_ASKS * _PATIENCE_S:g} s. Switch it on, or name another address.",
         )
 
     def _check_line(self, link: Link) -> None:
@@ -67,8 +70,8 @@ class RemoteRig:
         least = _BITS_PER_BYTE * SIZES[Kind.READING] / self.description.period
         if link.baud < least:
             raise ValueError(
-                f"baud: a sample every {1e3 * self.description.period:g} ms needs {least:.0f} baud at least; got {link.baud}. Use a "
-                "faster line, or a longer period on the rig."
+                f"baud: a sample every {1e3 * self.description.period:g} ms needs {least:.0f} baud at least; got {link.baud}. "
+                "Use a faster line, or a longer period on the rig."
             )
 
     def start(self, watchdog: float) -> None:
@@ -83,7 +86,9 @@ class RemoteRig:
         while True:
             frame = self._frames.receive(max(until - perf_counter(), 0.0))
             if frame is None:
-                raise RigStopped("lost peer", f"{self.name} sent no sample for {timeout:g} s. Look at its power and its line.")
+                raise RigStopped(
+                    "lost peer", f"{self.name} sent no sample for {timeout:g} s. Look at its power and its line."
+                )
             if frame.kind is Kind.STOPPED:
                 reason, sentence = _WHY[Reason(int(frame.values[0]))]
                 raise RigStopped(reason, f"{self.name} {sentence}")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from baselines.rig.protocol import Description, Limits, Reading
 from baselines.loop_analysis.stability_limit import with_rig
+from baselines.rig.protocol import Description, Limits, Reading
 from flexdrive_gym import Drive
 from flexdrive_gym.drive import kernels, parameters
 from flexdrive_gym.drive.sample import WORK_SPACE
@@ -61,7 +61,9 @@ class SimulatedRig:
         self.stop()
         if self.description.returns:
             self._state[:] = 0.0
-        kernels.begin(self._state, self.description.period, self._substeps, self._memory, self._z, self._p, self._reading)
+        kernels.begin(
+            self._state, self.description.period, self._substeps, self._memory, self._z, self._p, self._reading
+        )
         self._sequence = -1
         self._running = True
 

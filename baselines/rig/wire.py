@@ -135,9 +135,16 @@ def described(rig: Description) -> Frame:
     return Frame(
         Kind.DESCRIPTION,
         values=(
-            micro(rig.period), micro(limits.watchdog), limits.travel, limits.voltage, *rig.quantum, rig.carts, rig.real_time, name,
+            micro(rig.period),
+            micro(limits.watchdog),
+            limits.travel,
+            limits.voltage,
+            *rig.quantum,
+            rig.carts,
+            rig.real_time,
+            name,
         ),
-    )  # fmt: skip
+    )
 
 
 def description(frame: Frame) -> Description:

@@ -99,9 +99,7 @@ def test_wrapped_batches():
 @pytest.mark.parametrize("shared_memory", [True, False])
 def test_processes_of_their_own(shared_memory):
     # a process per drive costs a second each, and the three differ in what is seen alone
-    env = gymnasium.vector.AsyncVectorEnv(
-        [lambda: gymnasium.make(IDS[1], **SHORT)] * 2, shared_memory=shared_memory
-    )
+    env = gymnasium.vector.AsyncVectorEnv([lambda: gymnasium.make(IDS[1], **SHORT)] * 2, shared_memory=shared_memory)
     batch = gymnasium.make_vec(IDS[1], num_envs=2, **SHORT)
     try:
         assert np.array_equal(env.reset(seed=3)[0], batch.reset(seed=3)[0])

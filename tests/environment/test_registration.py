@@ -72,7 +72,7 @@ def test_a_registry_that_refuses_leaves_gymnasium_whole(installed):
 
 def test_the_entry_point_registers_too(installed, monkeypatch):
     # as Gymnasium 0.26 to 0.29 load it; __root__ is their word for an id without a namespace
-    (name, value), = PROJECT["project"]["entry-points"]["gymnasium.envs"].items()
+    ((name, value),) = PROJECT["project"]["entry-points"]["gymnasium.envs"].items()
     assert name == "__root__"
     monkeypatch.syspath_prepend(str(installed))
     import gymnasium

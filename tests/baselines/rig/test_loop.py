@@ -1,7 +1,5 @@
 """Whatever ends a run, the last thing a rig is told is 0 V."""
 
-import time
-
 import numpy as np
 import pytest
 
@@ -15,7 +13,7 @@ LIMITS = Limits(travel=200.0, voltage=5.0, resting=0.05, late=0.01, watchdog=0.1
 
 
 class Scripted:
-    """A rig that does what its script says, and keeps what it was told."""
+    """A rig that does what its script says, on a clock of its own, and keeps what it was told."""
 
     def __init__(self, *, x=lambda k: 0.0, sequence=lambda k: k, wait=lambda k: None):
         self.description = Description("scripted", 1e-3, limits=Limits(travel=300.0, voltage=8.0), quantum=(0.01, 0.01))
@@ -23,14 +21,15 @@ class Scripted:
         self.told, self.stops = [], 0
 
     def start(self, watchdog):
-        self.k, self.watchdog, self.begin = -1, watchdog, time.perf_counter()
+        self.k, self.watchdog, self.now = -1, watchdog, 100.0
         self.told.append("start")
+
+    def clock(self):
+        return self.now
 
     def read(self, timeout):
         self.k += 1
-        self.wait(self.k)
-        while time.perf_counter() < self.begin + self.k * 1e-3:
-            pass
+        self.now = max(self.now, 100.0 + self.k * 1e-3) + (self.wait(self.k) or 0.0)
         n = self.sequence(self.k)
         return Reading(n, n * 1e-3, self.x(n), self.x(n), 0.0)
 
@@ -46,8 +45,8 @@ class Scripted:
 
 def ends(rig, controller=lambda _o: 1.0, *, n=200, limits=LIMITS):
     """Run; return what was raised."""
-    with pytest.raises(BaseException) as caught:
-        run(rig, controller, np.zeros(n), limits)
+    with pytest.raises((RigStopped, Exception, KeyboardInterrupt, SystemExit)) as caught:
+        run(rig, controller, np.zeros(n), limits, clock=rig.clock)
     return caught.value
 
 
@@ -60,15 +59,15 @@ def raising(error):
     return controller
 
 
-def lost(_k):
-    if _k == 60:
+def lost(k):
+    if k == 60:
         raise RigStopped("lost peer", "nothing came.")
 
 
 @pytest.mark.parametrize(
     ("rig", "controller", "reason"),
     [
-        (Scripted(wait=lambda k: time.sleep(0.05) if k == 60 else None), lambda _o: 1.0, "late sample"),
+        (Scripted(wait=lambda k: 0.05 * (k == 60)), lambda _o: 1.0, "late sample"),
         (Scripted(sequence=lambda k: k + 20 * (k > 60)), lambda _o: 1.0, "late sample"),
         (Scripted(wait=lost), lambda _o: 1.0, "lost peer"),
         (Scripted(), lambda _o: 9.0, "command limit"),
@@ -98,7 +97,7 @@ def test_a_rig_that_does_not_begin_is_stopped_too():
 
 def test_the_travel_ends_a_run_with_what_was_recorded():
     rig = Scripted(x=lambda k: 5.0 * k)
-    made = run(rig, lambda _o: 1.0, np.zeros(100), LIMITS)
+    made = run(rig, lambda _o: 1.0, np.zeros(100), LIMITS, clock=rig.clock)
     # 200 mm are reached at sample 40, left at 41, where 0 V are put out at once
     assert made.recording.n == 42
     assert made.recording.notes == ("ended at 0.041 s: a cart left the travel of ±200 mm",)
@@ -107,13 +106,13 @@ def test_the_travel_ends_a_run_with_what_was_recorded():
 
 def test_a_run_that_starts_beyond_the_travel_may_only_lead_back():
     rig = Scripted(x=lambda k: 250.0)
-    run(rig, lambda o: 1.0 if o.t < 0.005 else -1.0, np.zeros(10), LIMITS)
-    assert rig.told[1:-1] == [0.0] * 5 + [-1.0] * 6
+    run(rig, lambda o: 1.0 if o.t < 0.005 else -1.0, np.zeros(10), LIMITS, clock=rig.clock)
+    assert rig.told[1:-1] == [0.0] * 5 + [-1.0] * 5
 
 
 def test_commands_are_clipped_and_the_strictest_limit_holds():
     rig = Scripted()
-    run(rig, lambda o: 20.0 * np.sin(300.0 * o.t), np.zeros(100), Limits(voltage=20.0, watchdog=3.0))
+    run(rig, lambda o: 20.0 * np.sin(300.0 * o.t), np.zeros(100), Limits(voltage=20.0, watchdog=3.0), clock=rig.clock)
     assert max(u for u in rig.told if isinstance(u, float)) == 8.0
     assert rig.watchdog == 0.1
 
@@ -121,21 +120,23 @@ def test_commands_are_clipped_and_the_strictest_limit_holds():
 def test_lost_samples_leave_gaps_and_the_reference_goes_on():
     rig = Scripted(sequence=lambda k: k + 3 * (k > 20))
     seen = []
-    made = run(rig, lambda o: seen.append(o) or 0.0, np.arange(50.0), LIMITS)
+    made = run(rig, lambda o: seen.append(o) or 0.0, np.arange(50.0), LIMITS, clock=rig.clock)
     assert made.lost == 3
     assert np.allclose([o.xr for o in seen], [o.t / 1e-3 for o in seen])
     assert np.allclose(np.diff(made.recording.t), [1e-3] * 20 + [4e-3] + [1e-3] * 25)
 
 
 def test_a_late_controller_is_found_out():
-    def slow(_observation):
-        time.sleep(2e-3)
-        return 0.0
+    rig = Scripted()
 
-    # a millisecond a sample behind: 10 ms after about ten samples
-    error = ends(Scripted(), slow)
-    assert error.reason == "late sample"
-    assert "--late" in str(error)
+    def slow(_observation):
+        rig.now += 2e-3
+        return 1.0
+
+    # a millisecond behind with every sample: more than the 10 ms that are allowed with the eleventh
+    error = ends(rig, slow)
+    assert "late sample: the sample of t = 0.011 s came 11.0 ms late; 10 ms are allowed" in str(error)
+    assert rig.told == ["start", *[1.0] * 11, "stop"]
 
 
 @pytest.mark.parametrize("gain", [0.05, 0.3])
@@ -162,7 +163,8 @@ def test_one_cart_is_a_rig_too():
 
 def test_velocities_are_raw_differences_where_the_rig_makes_none():
     seen: list[Observation] = []
-    run(Scripted(x=lambda k: 0.01 * k), lambda o: seen.append(o) or 0.0, np.zeros(5), LIMITS)
+    rig = Scripted(x=lambda k: 0.01 * k)
+    run(rig, lambda o: seen.append(o) or 0.0, np.zeros(5), LIMITS, clock=rig.clock)
     assert [o.v1 for o in seen] == pytest.approx([0.0, 10.0, 10.0, 10.0, 10.0])
 
 

@@ -39,6 +39,12 @@ def until(true, seconds=PATIENT):
         time.sleep(0.01)
 
 
+def reads(rig, then):
+    while True:
+        rig.read(PATIENT)
+        then()
+
+
 @pytest.mark.parametrize("kind", LINKS)
 def test_a_peer_in_lockstep_is_the_drive_itself(kind):
     with served(kind) as (peer, address), connected(address) as rig:
@@ -81,8 +87,7 @@ def test_the_peer_stops_when_nobody_speaks_any_more():
         until(lambda: peer.output == 2.0, 0.19)
         until(lambda: peer.output == 0.0)  # nobody told it
         with pytest.raises(RigStopped, match="watchdog: udp://.* had no command for its watchdog's time"):
-            while True:
-                rig.read(PATIENT)
+            reads(rig, lambda: None)
 
 
 def test_a_run_may_ask_for_a_shorter_watchdog():
@@ -122,9 +127,7 @@ def test_the_rig_keeps_its_own_travel():
         # a program that ignores what the rig said
         rig.start(PATIENT)
         with pytest.raises(RigStopped, match="travel: .* beyond its own limit of travel"):
-            while True:
-                rig.read(PATIENT)
-                rig.write(8.0)
+            reads(rig, lambda: rig.write(8.0))
         until(lambda: peer.output == 0.0)
         # and from there the carts can be brought home
         RigBench(rig, SLOW).go_home()
@@ -196,7 +199,10 @@ def test_serial_lines_that_are_none_or_too_slow():
     with pytest.raises(RigStopped, match="lost peer: /no/such/line cannot be opened"):
         open_rig("serial:///no/such/line")
     # 32 bytes of 10 bits a millisecond
-    with served("serial") as (_peer, address), pytest.raises(ValueError, match="needs 320000 baud at least; got 115200"):
+    with (
+        served("serial") as (_peer, address),
+        pytest.raises(ValueError, match="needs 320000 baud at least; got 115200"),
+    ):
         open_rig(f"{address}?baud=115200")
 
 
@@ -244,7 +250,8 @@ def test_signals_stop_the_motor(number, tmp_path):
 def test_the_peer_runs_as_a_program(tmp_path):
     save_drive(DRIVE, tmp_path / "drive.toml")
     command = [sys.executable, "-m", "baselines.rig.peer", str(tmp_path / "drive.toml")]
-    with subprocess.Popen([*command, "--udp", "127.0.0.1:0", "--lockstep", "--watchdog", "20000"], stdout=subprocess.PIPE, text=True) as peer:
+    where = ["--udp", "127.0.0.1:0", "--lockstep", "--watchdog", "20000"]
+    with subprocess.Popen([*command, *where], stdout=subprocess.PIPE, text=True) as peer:
         try:
             address = peer.stdout.readline().removeprefix("rig at ").strip()
             with connected(address) as rig:

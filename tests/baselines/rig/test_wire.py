@@ -6,7 +6,7 @@ import struct
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from baselines.rig.protocol import Description, Limits
@@ -34,6 +34,7 @@ def test_a_description_comes_back():
         description(next(Scanner().feed(described(Description("", 1e-3, 2, (0.1, 0.0), Limits(1.0, 1.0))).pack())))
 
 
+@settings(deadline=None)
 @given(noise=st.binary(max_size=60), cuts=st.lists(st.integers(1, 40), max_size=8))
 def test_frames_are_found_in_a_stream_cut_anywhere(noise, cuts):
     stream = noise + b"\0" + 3 * READING.pack()
