@@ -6,7 +6,7 @@ does nothing there. What works is a start-up file of the installation: ``flexdri
 Python starts, and Gymnasium's module of environments, whenever it is imported, is followed by :func:`register`.
 
 This file is installed twice (``pyproject.toml``): here, and alone as ``_flexdrive_gymnasium``, because whatever lies in a package
-imports that package first, with its compiler. So nothing but ``sys`` is imported at its top. ``docs/decisions/0031`` has the
+imports that package first, with its compiler. So nothing but ``sys`` is imported at its top. ``docs/decisions/0032`` has the
 reasons.
 """
 
