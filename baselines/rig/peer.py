@@ -56,7 +56,7 @@ class Peer:
             told, real_time=not lockstep, limits=replace(told.limits, watchdog=watchdog)
         )
         self._tell = tell
-        self._reason = Reason.ASKED
+        self._reason, self._run_number = Reason.ASKED, 0
         # compiled before anybody waits; at rest nothing moves
         plant.start(watchdog)
         plant.read()
@@ -78,6 +78,7 @@ class Peer:
                 if frame.kind is Kind.HELLO:
                     self.frames.send(described(self.description))
                 elif frame.kind is Kind.START:
+                    self._run_number = frame.sequence
                     self._serve_run(float(frame.values[0]) / 1e6, until)
                 elif frame.kind in (Kind.STOP, Kind.COMMAND):
                     # what is already at 0 V says so again: the first answer may be lost
@@ -103,16 +104,18 @@ class Peer:
             self.frames.link.exclusive = yes
 
     def _say_stopped(self) -> None:
-        self.frames.send(Frame(Kind.STOPPED, values=(self._reason,)))
+        self.frames.send(Frame(Kind.STOPPED, self._run_number, values=(self._reason,)))
 
     def _run(self, watchdog: float, until: Callable[[], bool]) -> Reason:
         """Serve one run; return why it ended."""
         period, travel = self.description.period, self.description.limits.travel
-        latency, inside = NO_LATENCY, False
+        latency, inside, waiting = NO_LATENCY, False, 0.0
         tick = heard = perf_counter()
         while not until():
             reading = self.plant.read()
             taken = perf_counter()
+            if not self.lockstep:
+                self.plant.write(waiting)
             self._send(reading, latency)
             beyond = max(reading.x1, reading.x2, key=abs)
             inside = inside or abs(beyond) <= travel
@@ -120,16 +123,13 @@ class Peer:
                 return Reason.TRAVEL
             tick += period
             command: float | None = None
-            while True:
-                now = perf_counter()
-                end = heard + watchdog if self.lockstep else min(heard + watchdog, tick)
-                if now >= heard + watchdog:
+            while not (self.lockstep and command is not None):
+                due = heard + watchdog if self.lockstep else min(heard + watchdog, tick)
+                frame = self.frames.receive(max(due - perf_counter(), 0.0))
+                if frame is None and (self.lockstep or perf_counter() >= heard + watchdog):
                     return Reason.WATCHDOG
-                if now >= end or (self.lockstep and command is not None):
-                    break
-                frame = self.frames.receive(end - now)
                 if frame is None:
-                    continue
+                    break
                 if frame.kind is Kind.STOP:
                     return Reason.ASKED
                 if frame.kind is Kind.COMMAND and (frame.sequence == reading.sequence or not self.lockstep):
@@ -140,7 +140,9 @@ class Peer:
                 limit = self.description.limits.voltage
                 command = min(max(command, -limit), limit)
                 # a run that starts beyond the travel may only lead back
-                self.plant.write(command if inside or command * beyond <= 0.0 else 0.0)
+                waiting = command if inside or command * beyond <= 0.0 else 0.0
+                if self.lockstep:
+                    self.plant.write(waiting)
         return Reason.ASKED
 
     def _send(self, reading: Reading, latency: int) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from secrets import randbelow
 from time import perf_counter
 
 from baselines.rig.links import Frames, Link, SerialLink
@@ -43,7 +44,7 @@ class RemoteRig:
         except BaseException:
             link.close()
             raise
-        self._sequence = -1
+        self._sequence, self._run = -1, randbelow(2**31)
 
     def _introduction(self) -> Description:
         self.stop()  # whatever an earlier program left running
@@ -77,8 +78,8 @@ class RemoteRig:
     def start(self, watchdog: float) -> None:
         """Begin a run."""
         self._frames.drain()
-        self._sequence = -1
-        self._frames.send(Frame(Kind.START, values=(micro(watchdog),)))
+        self._sequence, self._run = -1, self._run + 1
+        self._frames.send(Frame(Kind.START, self._run, values=(micro(watchdog),)))
 
     def read(self, timeout: float) -> Reading:
         """Wait for the next sample; older ones that arrive after it are dropped."""
@@ -89,10 +90,13 @@ class RemoteRig:
                 raise RigStopped(
                     "lost peer", f"{self.name} sent no sample for {timeout:g} s. Look at its power and its line."
                 )
-            if frame.kind is Kind.STOPPED:
+            if frame.kind is Kind.STOPPED and frame.sequence == self._run:
                 reason, sentence = _WHY[Reason(int(frame.values[0]))]
                 raise RigStopped(reason, f"{self.name} {sentence}")
-            if frame.kind is Kind.READING and frame.sequence > self._sequence:
+            # what is left of an earlier run does not begin with 0
+            if frame.kind is Kind.READING and (
+                frame.sequence > self._sequence >= 0 or frame.sequence == 0 > self._sequence
+            ):
                 break
         self._sequence = frame.sequence
         count_1, count_2, u, latency = frame.values

@@ -53,7 +53,9 @@ def evaluate(linear: Linear, residual: FloatArray) -> Table:
         if not entry.random:
             left, _ = _left_out(linear, [*linear.base, *entry.columns], g, square, damping)
             _take(table, i, entry.candidate.name, 0.5 * (base - left))
-    for i, (gain, variance) in zip(random, _random(linear, residual, steps, [linear.entries[i] for i in random]), strict=True):
+    for i, (gain, variance) in zip(
+        random, _random(linear, residual, steps, [linear.entries[i] for i in random]), strict=True
+    ):
         table.variance[i] = variance
         _take(table, i, linear.entries[i].candidate.name, gain)
     return table
@@ -113,9 +115,9 @@ def _random(
         M = H_ + precision[None, :, None, None] * np.eye(2)
         determinant = M[..., 0, 0] * M[..., 1, 1] - M[..., 0, 1] ** 2
         a, b = g_[:, :, 0], g_[:, :, 1]
-        form = (
-            M[..., 1, 1, None] * a**2 - 2.0 * M[..., 0, 1, None] * a * b + M[..., 0, 0, None] * b**2
-        ) / determinant[..., None]
+        form = (M[..., 1, 1, None] * a**2 - 2.0 * M[..., 0, 1, None] * a * b + M[..., 0, 0, None] * b**2) / determinant[
+            ..., None
+        ]
         each = 0.5 * form - 0.5 * np.log(determinant / precision**2)[..., None]
         for r, u in enumerate(bench.units):
             gain[v, :, u] += each[r]

@@ -26,6 +26,8 @@ from identification.replay.output_error import PHYSICS_S
 _STEP = 2e-3
 # a rate times the step beyond which an effect is as good as instantaneous
 _FASTEST = 30.0
+
+
 class Metric(Protocol):
     """What turns rows into white ones."""
 

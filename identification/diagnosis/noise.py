@@ -136,7 +136,9 @@ class Noise:
             y = columns[rows].reshape(*valid.shape, columns.shape[1]) * valid[..., None]
             if not run.positions:
                 y = np.cumsum(y, axis=1) * (run.block * run.sample_time)
-            white, logarithm[r] = whitened(A, Q, self.bench.resting[r], start, _rounding(self.bench, run.name), y, valid)
+            white, logarithm[r] = whitened(
+                A, Q, self.bench.resting[r], start, _rounding(self.bench, run.name), y, valid
+            )
             out[rows] = white.reshape(valid.size, columns.shape[1])
         if self.weights is not None:
             out *= self.weights[:, None]
@@ -269,9 +271,7 @@ def _scales(mean: FloatArray, variance: FloatArray, found: Sequence[Direction]) 
     return {g: float(np.clip(np.sqrt(s), _LEAST, _MOST)) for g, s in square.items()}
 
 
-def _modes(
-    bench: Bench, white: FloatArray, found: Sequence[Direction], scale: Mapping[str, float]
-) -> list[FloatArray]:
+def _modes(bench: Bench, white: FloatArray, found: Sequence[Direction], scale: Mapping[str, float]) -> list[FloatArray]:
     modes = []
     sizes = np.array([scale[d.group] for d in found])
     for rows in bench.rows:

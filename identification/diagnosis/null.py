@@ -112,7 +112,10 @@ def null_of(
         gain = {n: np.concatenate([t.total[n] for t in gains]) for n in gains[0].total}
         rest = {n: np.concatenate([t.rest[n] for t in gains]) for n in gains[0].rest}
         nulls = Null.of(gain), Null.of(rest)
-        best = min(max(null.p_value(n, float(own[n][0])) for null, own in zip(nulls, (data.total, data.rest), strict=True)) for n in data.total)
+        best = min(
+            max(null.p_value(n, float(own[n][0])) for null, own in zip(nulls, (data.total, data.rest), strict=True))
+            for n in data.total
+        )
         if made >= bench.settings.draws or best * (made + 1) > _ENOUGH:
             return nulls
         rows = noise.white(simulated(bench, values, noise, found, range(made, made + _CHUNK), seed))
@@ -127,7 +130,9 @@ def simulated(
     here = bench.residual(values, [np.zeros((2, len(run.u))) for run in bench.runs])
     forces = [d for d in found if d.force is not None]
     shapes = [
-        np.array([d.force(r) for d in forces], dtype=np.float32) for r in range(len(bench.runs)) if forces  # type: ignore[misc]
+        np.array([d.force(r) for d in forces], dtype=np.float32)
+        for r in range(len(bench.runs))
+        if forces  # type: ignore[misc]
     ]
     moved = [d for d in found if d.force is None]
 

@@ -291,7 +291,11 @@ class Selector:
     def _far(self, base: Fit) -> bool:
         """Whether the simulation is so far from the data that its own sensitivities may lead nowhere."""
         bench = self.bench
-        errors = [float(np.mean(base.residual[p.rows][bench.valid[p.rows]] ** 2)) for p in bench.pieces if bench.valid[p.rows].any()]
+        errors = [
+            float(np.mean(base.residual[p.rows][bench.valid[p.rows]] ** 2))
+            for p in bench.pieces
+            if bench.valid[p.rows].any()
+        ]
         seen = [s for p, s in zip(bench.pieces, bench.signal, strict=True) if bench.valid[p.rows].any()]
         return sum(errors) > self.settings.far * sum(seen)
 
@@ -409,5 +413,7 @@ def _scored(
                     variability = tuple(Direction(group, size, linear.columns[:, c].copy()) for c in entry.columns)
         assert own is not None
         p = null.p_value(name, float(own[0].sum()))
-        found.append(Scored(own[1], own[2], own[0], own[3], p, null_rest.p_value(name, float(trimmed(own[0]))), variability))
+        found.append(
+            Scored(own[1], own[2], own[0], own[3], p, null_rest.p_value(name, float(trimmed(own[0]))), variability)
+        )
     return sorted(found, key=lambda s: -s.total)
