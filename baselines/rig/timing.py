@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -37,11 +36,12 @@ class Timing:
 
 def together(timings: Iterable[Timing]) -> Timing:
     """Return the times of several runs as one's."""
-    all_of: Any = Timing()
+    whole = Timing()
     for timing in timings:
-        for name, values in vars(timing).items():
-            getattr(all_of, name).extend(values)
-    return all_of
+        whole.response += timing.response
+        whole.latency += timing.latency
+        whole.jitter += timing.jitter
+    return whole
 
 
 def _summary(values: Sequence[float]) -> dict[str, float] | None:
