@@ -49,7 +49,7 @@ def experiment(
         typer.Argument(
             exists=True,
             dir_okay=False,
-            metavar="[DRIVE]",
+            metavar="DRIVE",
             help="A drive.toml: what a simulated rig is; for another rig, a first guess of its critical gain.",
         ),
     ] = None,
