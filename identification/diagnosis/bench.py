@@ -183,7 +183,7 @@ class Bench:
                 width = max(3, round(_REST_S / run.sample_time))
                 way = maximum_filter1d(x, width) - minimum_filter1d(x, width)
                 still = way <= max(1.5 * count, _STILL * float(np.ptp(x)))
-                mode += (1 << c) * still[:: run.block].astype(np.int64)
+                mode += (1 << c) * (still[:: run.block] & (not run.positions)).astype(np.int64)
             found.append(mode)
         return found
 
@@ -192,7 +192,7 @@ class Bench:
         """Return the rows in which their cart moves, shape (N,): a cart at rest tells nothing of the forces on it."""
         found = self.valid.copy()
         for p in self.pieces:
-            found[p.rows] &= (self.resting[p.recording] >> p.cart) & 1 == 0
+            found[p.rows] &= ((self.resting[p.recording] >> p.cart) & 1 == 0) & (not self.runs[p.recording].positions)
         return found
 
     @cached_property

@@ -19,7 +19,7 @@ from identification.diagnosis.linear import Linear, linearise
 from identification.diagnosis.noise import Noise, estimate, first_noise
 from identification.diagnosis.nuisance import Direction, directions, dry_level
 from identification.diagnosis.null import Null, first_draws, null_of
-from identification.diagnosis.score import gains, studentised, trimmed
+from identification.diagnosis.score import Normal, gains, studentised, trimmed
 from identification.diagnosis.start import base_starts, candidate_starts, far_starts
 from identification.topology import Topology
 
@@ -243,7 +243,9 @@ class Selector:
             base = fit(bench, noise, base.values, base.names)
             linear = linear.around(base, noise)
             table = evaluate(linear, linear.residual[:, None])
-            jobs = [(c, f.values) for c, f in fits.values()] or self._jobs(base, linear, table, first, candidates, number)
+            jobs = [(c, f.values) for c, f in fits.values()] or self._jobs(
+                base, linear, table, first, candidates, number
+            )
             fits = self._fits(base, noise, jobs)
             model = min((f for _, f in fits.values()), key=lambda f: f.cost, default=base)
             if model.cost > (1.0 - self.settings.large) * base.cost:
@@ -303,13 +305,15 @@ class Selector:
     def _far(self, base: Fit) -> bool:
         """Whether the simulation is so far from the data that its own sensitivities may lead nowhere."""
         bench = self.bench
-        errors = [float(np.mean(base.residual[p.rows][bench.valid[p.rows]] ** 2)) for p in bench.pieces if bench.valid[p.rows].any()]
+        errors = [
+            float(np.mean(base.residual[p.rows][bench.valid[p.rows]] ** 2))
+            for p in bench.pieces
+            if bench.valid[p.rows].any()
+        ]
         seen = [s for p, s in zip(bench.pieces, bench.signal, strict=True) if bench.valid[p.rows].any()]
         return sum(errors) > self.settings.far * sum(seen)
 
-    def _better_base(
-        self, base: Fit, noise: Noise, fits: Mapping[Name, tuple[Candidate, Fit]]
-    ) -> tuple[Fit, float]:
+    def _better_base(self, base: Fit, noise: Noise, fits: Mapping[Name, tuple[Candidate, Fit]]) -> tuple[Fit, float]:
         """Refit the base model from the candidates' optima: a better optimum of it must not pass for a gain.
 
         Returns the best fit, and by how much the log-likelihoods of its optima differ: dry friction makes a likelihood rough.
@@ -410,8 +414,10 @@ def _scored(
 ) -> list[Scored]:
     """Return every name with its gain: of its fit where there is one, else of its linear change.
 
-    Null draws know linear changes alone. A fit that gains more has found more, or a better place on a rough likelihood: both are
-    tested, the fit with what the base model's own optima differ by taken off.
+    Null draws know linear changes alone. A fit that gains more has found more, or a better place on a rough likelihood.
+    So the ratio of
+    likelihoods, with what the base model's own optima differ by taken off, and one of the two tests to first order
+    (score and Wald) must both be significant.
     """
     found = []
     for name in {**table.best, **fits}:
@@ -429,13 +435,30 @@ def _scored(
             gain = gains(base.normal, best.normal, linear.bench.settings.damping)
             if scored is None or not scored.variability or gain.sum() > scored.total:
                 p = _p(null, null_rest, name, gain, roughness)
-                if scored is not None and not candidate.takes:
-                    # an effect that is there changes the simulation when it is small, too
-                    p = max(scored.p, p[0]), max(scored.p_rest, p[1])
+                if not candidate.takes:
+                    # an effect that is there changes the simulation to first order, too: where it is absent, or where it is
+                    near = [_p(null, null_rest, name, _wald(candidate, best), 0.0)]
+                    near += [] if scored is None else [(scored.p, scored.p_rest)]
+                    p = max(p, min(near, key=max), key=max)
                 scored = Scored(candidate, best, gain, len(candidate.keys), *p)
         assert scored is not None
         found.append(scored)
     return sorted(found, key=lambda s: -s.total)
+
+
+def _wald(candidate: Candidate, best: Fit) -> FloatArray:
+    """Return the gain per unit as the linear change around the fit with a candidate tells it."""
+    sizes = {key for key, _ in candidate.sizes}
+    names = [n for n, i in zip(best.names, best.interior, strict=True) if i]
+    J, scale = best.jacobian[:, best.interior], best.scale[best.interior]
+    size = np.array([best.values[n] / s if n in sizes else 0.0 for n, s in zip(names, scale, strict=True)])
+    own = np.array([n in candidate.keys for n in names], dtype=bool)
+    white = best.metric.white(np.column_stack([J, best.residual, best.residual - J @ size]))
+    p = len(names)
+    damping = best.bench.settings.damping
+    full = Normal.of(best.bench.products(white[:, [*range(p), p]]))
+    base = Normal.of(best.bench.products(white[:, [*np.flatnonzero(~own), p + 1]]))
+    return gains(base, full, damping)
 
 
 def _p(null: Null, null_rest: Null, name: Name, gain: FloatArray, less: float) -> tuple[float, float]:

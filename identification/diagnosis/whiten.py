@@ -4,14 +4,16 @@ Around the simulation the carts' deviations obey the linear drive, driven by for
 :math:`q_c` and slow ones, :math:`\tau \dot f_c = -f_c + \sqrt{2\tau}\, s_c w_c`. With the state
 :math:`z = (x_1, v_1, x_2, v_2, f_1, f_2)` and an encoder that errs by its rounding,
 
-.. math:: z_{b+1} = A z_b + w_b, \qquad y_{cb} = x_c + n_{cb}, \qquad \operatorname{cov} w_b = Q, \quad \operatorname{var} n = \rho,
+.. math:: z_{b+1} = A z_b + w_b, \qquad y_{cb} = x_c + n_{cb}, \qquad \operatorname{cov} w_b = Q, \quad
+\operatorname{var} n = \rho,
 
 the innovations of the Kalman filter over their standard deviations are white with variance one, and their squares with the
 logarithms of those variances are the likelihood (R. K. Mehra 1970; L. Ljung, System Identification, 1999, ch. 7). Where forces
-are large against the rounding this is the equation error, where they are small the output error. The filter is linear, so the same
-filter turns sensitivities into regressors.
+are large against the rounding this is the equation error, where they are small the output error. The filter is linear,
+so the same filter turns sensitivities into regressors.
 
-A cart at rest is held by friction, whatever pulls: its velocity then ends within milliseconds, and neither spring nor forces act on it.
+A cart at rest is held by friction, whatever pulls: its velocity then ends within milliseconds, and neither spring nor
+forces act on it.
 Velocities are summed to positions first: their error is a difference of roundings, and the sum of it white. What was lost is an
 unknown offset of the position afterwards.
 """
@@ -65,14 +67,14 @@ def _transition(
     F[0, 1] = F[2, 3] = 1.0
     F[1] = [-k / m1, -b1 / m1, k / m1, 0.0, 1.0 / m1, 0.0]
     F[3] = [k / m2, 0.0, -k / m2, -b2 / m2, 0.0, 1.0 / m2]
+    L[1, 1], L[3, 3] = (q[0] / m1) ** 2, (q[1] / m2) ** 2
+    L[4, 4], L[5, 5] = 2.0 * s**2 / tau
     for c in range(2):
         if rests[c]:
             # friction holds it, whatever pulls
             F[1 + 2 * c] = 0.0
             F[1 + 2 * c, 1 + 2 * c] = -1.0 / _STOPS_S
     F[4, 4] = F[5, 5] = -1.0 / tau
-    L[1, 1], L[3, 3] = (q[0] / m1) ** 2, (q[1] / m2) ** 2
-    L[4, 4], L[5, 5] = 2.0 * s**2 / tau
     # C. F. Van Loan, Computing integrals involving the matrix exponential, 1978
     both = np.block([[-F, L], [np.zeros_like(F), F.T]])
     E = expm(both * h)
@@ -85,8 +87,9 @@ def _transition(
 def innovations(
     As: Any, Qs: Any, mode: Any, P: Any, rounding: Any, y: Any, valid: Any, gain: Any, z: Any, out: Any
 ) -> float:
-    """Write whitened rows, shape (carts, blocks, columns); return the sum of the logarithms of moving carts' innovations' variances.
+    """Write whitened rows, shape (carts, blocks, columns).
 
+    Returns the sum of the logarithms of the innovations' variances of moving carts.
     ``P``, the covariance at the start, is used up; ``gain`` (carts, 6), ``z`` (6, columns) are room to work in.
     """
     carts, blocks, columns = y.shape

@@ -1,7 +1,9 @@
-r"""A force of one frequency that the command does not make: a fan, a pump, a mains hum. It has no name, and a phase in every recording.
+r"""A force of one frequency that the command does not make: a fan, a pump, a mains hum.
 
-In the whitened rows of a cart a steady oscillation is a steady oscillation, so sine and cosine of every frequency come from one
-Fourier transform. Their amplitudes are random with one variance, as in :mod:`identification.diagnosis.candidates.phases`; what the
+It has no name, and a phase in every recording. In the whitened rows of a cart a steady oscillation is a steady
+oscillation, so sine and cosine of every frequency come from one
+Fourier transform. Their amplitudes are random with one variance, as in
+:mod:`identification.diagnosis.candidates.phases`; what the
 command makes differs from one experiment to the next and predicts no other.
 """
 
