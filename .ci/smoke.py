@@ -33,7 +33,9 @@ def commands() -> int:
 
 
 def known_without_an_import() -> None:
-    lines = "import gymnasium, sys; gymnasium.spec('FlexDrive-NonCollocated-v0'); assert 'flexdrive_gym' not in sys.modules"
+    lines = (
+        "import gymnasium, sys; gymnasium.spec('FlexDrive-NonCollocated-v0'); assert 'flexdrive_gym' not in sys.modules"
+    )
     subprocess.run([sys.executable, "-W", "error", "-c", lines], check=True)
 
 

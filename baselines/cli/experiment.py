@@ -142,12 +142,12 @@ def _connected(rig: Rig) -> Iterator[Rig]:
 
 @contextmanager
 def _terminated_as_interrupted() -> Iterator[None]:
-    """Have a polite end from outside, which Python knows no exception for, stop the motor as Ctrl-C does."""
+    """Have every polite end from outside stop the motor as Ctrl-C does, and Ctrl-C where a shell's background ignores it."""
 
     def interrupt(_signal: int, _frame: Any) -> None:
         raise KeyboardInterrupt
 
-    names = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    names = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
     before = {number: signal.signal(number, interrupt) for number in names}
     try:
         yield

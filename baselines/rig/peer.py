@@ -8,6 +8,7 @@ travel limit included; it is no hardware, and no real-time system either.
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -182,6 +183,8 @@ def main(arguments: list[str] | None = None) -> int:
         peer = Peer(plant, _link(given), watchdog=given.watchdog / 1e3, lockstep=given.lockstep, tell=_print)
     except (ValueError, OSError) as error:
         parser.error(str(error))
+    for number in (signal.SIGINT, signal.SIGTERM):  # the first one is ignored in a shell's background
+        signal.signal(number, signal.default_int_handler)
     _print(f"rig at {_address(peer.frames.link)}")
     try:
         peer.serve()
