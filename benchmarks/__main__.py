@@ -23,6 +23,7 @@ from benchmarks import (
     reversals,
     sim_to_real,
     speed,
+    term,
 )
 
 ALL = {
@@ -49,6 +50,7 @@ LONG = {
     "learners": learners.main,
     "reversals": reversals.main,
     "sim_to_real": sim_to_real.main,
+    "term": term.main,
 }
 
 

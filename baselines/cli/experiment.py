@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from baselines.cli._command import positive
 from baselines.cli._output import Json, number, print_json, progress, say, table
 from baselines.cli._results import Force, interrupted_says, require_no_recordings
 
@@ -66,9 +67,20 @@ def experiment(
     ] = "simulated",
     part: Annotated[list[Part] | None, typer.Option(help="Make these sections only; repeatable.")] = None,
     square: Annotated[
-        list[float] | None, typer.Option(min=0.01, max=1000.0, help="Amplitude of a square [V]; repeatable.")
+        list[float] | None,
+        typer.Option(
+            callback=positive,
+            help="Amplitude of a square [V, or the rig's]; repeatable; default: 1.5 and 2 V, or 60 % and 80 % of what another "
+            "rig's recordings reached.",
+        ),
     ] = None,
-    sine: Annotated[float, typer.Option(min=0.01, max=1000.0, help="Amplitude of the sines [V].")] = 2.5,
+    sine: Annotated[
+        float | None,
+        typer.Option(
+            callback=positive,
+            help="Amplitude of the sines [V, or the rig's]; default: 2.5 V, or what another rig's recordings reached.",
+        ),
+    ] = None,
     frequency: Annotated[
         list[float] | None, typer.Option(min=0.01, max=500.0, help="Of a sine [Hz]; repeatable.")
     ] = None,
@@ -92,16 +104,26 @@ def experiment(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Run the in-lab day 2.1-2.6 on a rig, simulated by default; write recordings in the rig's format."""
-    from baselines.lab.experiments import FREQUENCIES_HZ, PRECISION, SQUARES_V, lab_day, limit_in_the_lab  # noqa: PLC0415
+    """Run the in-lab day 2.1-2.6 on a rig, simulated by default; write recordings in the rig's format and units.
+
+    A rig with units of its own gets a rig.toml beside them, by which they are read back: --rig rig.toml.
+    """
+    from baselines.lab.experiments import (  # noqa: PLC0415
+        FREQUENCIES_HZ,
+        PRECISION,
+        SINE_V,
+        SQUARES_V,
+        lab_day,
+        limit_in_the_lab,
+    )
+    from baselines.lab.lab_scale import on_lab_scale  # noqa: PLC0415
     from baselines.rig import RigBench, open_rig  # noqa: PLC0415
     from flexdrive_gym import load_drive  # noqa: PLC0415
     from flexdrive_gym.files import only_writer  # noqa: PLC0415
-    from identification import write_recording  # noqa: PLC0415
+    from identification import write_recording, write_rig  # noqa: PLC0415
 
-    guess = None if drive is None else load_drive(drive)
+    guess = None if drive is None else on_lab_scale(load_drive(drive))
     require_no_recordings(output, force=force)
-    squares, frequencies = tuple(square or SQUARES_V), tuple(frequency or FREQUENCIES_HZ)
     parts = tuple(p.value for p in part or Part)
     written: list[dict[str, Any]] = []
     with (
@@ -111,6 +133,9 @@ def experiment(
         _terminated_as_interrupted(),
         progress() as bar,
     ):
+        units = real.description.units
+        squares = [units.to_engine(value, "V") for value in square] if square else SQUARES_V
+        frequencies = [units.to_engine(value, "Hz") for value in frequency] if frequency else FREQUENCIES_HZ
         task = bar.add_task("experiments", total=_count(parts, len(squares), len(frequencies)))
         limits, simulated = _limits(real, travel, voltage, late, watchdog), real.description.returns
         bench = RigBench(real, limits, tell=lambda sentence: None if json else print(sentence, file=sys.stderr))
@@ -119,7 +144,7 @@ def experiment(
         for run in lab_day(
             bench,
             squares=squares,
-            sine_amplitude=sine,
+            sine_amplitude=SINE_V if sine is None else units.to_engine(sine, "V"),
             frequencies=frequencies,
             parts=parts,
             near=None if simulated or guess is None else limit_in_the_lab(guess),
@@ -127,9 +152,10 @@ def experiment(
         ):
             path = output / f"{run.name}{'.csv.gz' if compress else '.csv'}"
             write_recording(run, path)
-            written.append({"file": path, "experiment": str(run.excitation), "notes": run.notes})
+            written.append({"file": path, "experiment": run.excitation.text(units), "notes": run.notes})
             bar.advance(task)
-    _print_results(output, real, rig, bench, written, json=json)
+        described = None if units.lab else write_rig(units, bench.carts, output / "rig.toml", real.description.name)
+    _print_results(output, rig, bench, written, described, json=json)
 
 
 @contextmanager
@@ -185,21 +211,28 @@ def _told(rig: Rig, limits: Limits) -> str:
 
 
 def _print_results(
-    output: Path, rig: Rig, address: str, bench: RigBench, written: Sequence[dict[str, Any]], *, json: bool
+    output: Path,
+    address: str,
+    bench: RigBench,
+    written: Sequence[dict[str, Any]],
+    described: Path | None,
+    *,
+    json: bool,
 ) -> None:
     from baselines.rig.timing import together  # noqa: PLC0415
 
-    said, times = rig.description, together(bench.timings.values()).summary()
+    said, times = bench.rig.description, together(bench.timings.values()).summary()
     if json:
-        told = {
+        told: dict[str, Any] = {
             "address": address,
             "name": said.name,
             "carts": said.carts,
             "period_s": said.period,
             "real_time": said.real_time,
         }
+        told["limits"] = bench.limits
         print_json(
-            {"folder": output, "recordings": written, "rig": {**told, "limits": bench.limits}, "timing_ms": times}
+            {"folder": output, "recordings": written, "rig": described, "connection": told, "timing_ms": times}
         )
         return
     table(
@@ -208,6 +241,8 @@ def _print_results(
         [[Path(str(w["file"])).name, str(w["experiment"]), "; ".join(w["notes"])] for w in written],
     )
     say(f"wrote {len(written)} recordings")
+    if described is not None:
+        say(f"wrote {described}; read them with --rig {described}")
     table(
         "times of a sample",
         ["", "median [ms]", "99 % [ms]", "largest [ms]"],

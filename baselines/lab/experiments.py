@@ -11,6 +11,7 @@ import numpy as np
 from baselines.loop_analysis.stability_limit import LARGEST_GAIN, grows, with_rig
 from flexdrive_gym import Drive, Excitation, PControl, Recording
 from flexdrive_gym.references import handout_trajectory, sine, square
+from flexdrive_gym.units import Units
 
 SAMPLE_TIME_S = 1e-3
 DURATION_S = 8.0
@@ -33,6 +34,10 @@ class Bench(Protocol):
     def carts(self) -> int:
         """2, or 1 for a rigid drive."""
 
+    @property
+    def units(self) -> Units:
+        """Those of its owner, for names; everything else here is on the engine's scale."""
+
     def p_control(self, gain: float, feedback: Literal["x1", "x2"], name: str = "") -> Recording:
         """Run P-control on the handout's trajectory for 4 s (2.1-2.4); gain in V/mm."""
 
@@ -50,6 +55,11 @@ class DriveBench:
     def carts(self) -> int:
         """2, or 1 for a rigid drive."""
         return self.drive.carts
+
+    @property
+    def units(self) -> Units:
+        """The drive's."""
+        return self.drive.units
 
     def p_control(self, gain: float, feedback: Literal["x1", "x2"], name: str = "") -> Recording:
         """See :func:`p_control`."""
@@ -87,7 +97,7 @@ def p_control(
         handout_trajectory(t),
         PControl(gain, feedback),
         travel_limit=TRAVEL_MM,
-        name=name or closed_loop_name(gain, feedback),
+        name=name or closed_loop_name(gain, feedback, drive.units),
     )
     touches = bool(np.max(np.abs(run.u)) >= rig.voltage_limit)
     excitation = replace(run.excitation, frequency=0.5, limit=rig.voltage_limit if touches else None)
@@ -141,23 +151,24 @@ def open_loop(drive: Drive, kind: Literal["square", "sine"], amplitude: float, f
     """Run an open-loop excitation for 8 s (2.5, 2.6); velocities are recorded as the rig makes them."""
     t = _times(DURATION_S)
     u = (square if kind == "square" else sine)(t, amplitude, frequency)
-    run = with_rig(drive).simulate(t, u, name=open_loop_name(kind, amplitude, frequency))
+    run = with_rig(drive).simulate(t, u, name=open_loop_name(kind, amplitude, frequency, drive.units))
     return replace(run, excitation=Excitation(kind, amplitude, frequency), x1=None, x2=None)
 
 
-def closed_loop_name(gain: float, feedback: str) -> str:
-    """Return the name of a P-control run."""
-    return f"pctrl_{feedback}_kp{gain:.4g}"
+def closed_loop_name(gain: float, feedback: str, units: Units) -> str:
+    """Return the name of a P-control run; the gain as the rig's owner reads it."""
+    return f"pctrl_{feedback}_kp{units.of_rig(gain, 'V/mm')[0]:.4g}"
 
 
-def open_loop_name(kind: str, amplitude: float, frequency: float) -> str:
-    """Return the name of an open-loop run."""
-    return f"{kind}_{_short(amplitude)}V_{_short(frequency)}Hz"
+def open_loop_name(kind: str, amplitude: float, frequency: float, units: Units) -> str:
+    """Return the name of an open-loop run; figures as the rig's owner reads them."""
+    size, unit = units.of_rig(amplitude, "V")
+    return f"{kind}_{_short(size)}{unit.replace(' ', '')}_{_short(units.of_rig(frequency, 'Hz')[0])}Hz"
 
 
 def _short(value: float) -> str:
     """Return a number for a file's name: with one decimal as on the rig, with more where two values would share a name."""
-    return f"{value:.1f}" if abs(value - round(value, 1)) < 1e-9 else f"{value:g}"
+    return f"{value:.1f}" if abs(value - round(value, 1)) < 1e-9 else f"{value:.4g}"
 
 
 def stability_experiments(
@@ -192,11 +203,11 @@ def _stability(
     # "a little above": enough to see the growth within the four seconds that are recorded
     high = 1.03 * limit
     if "2.2" in parts:
-        yield "2.2", bench.p_control(limit, "x2", f"pctrl_x2_kp{limit:.4g}_critical")
+        yield "2.2", bench.p_control(limit, "x2", f"{closed_loop_name(limit, 'x2', bench.units)}_critical")
     if "2.3" in parts:
-        yield "2.3", bench.p_control(high, "x2", f"pctrl_x2_kp{high:.4g}_unstable")
+        yield "2.3", bench.p_control(high, "x2", f"{closed_loop_name(high, 'x2', bench.units)}_unstable")
     if "2.4" in parts:
-        yield "2.4", bench.p_control(high, "x1", f"pctrl_x1_kp{high:.4g}_collocated")
+        yield "2.4", bench.p_control(high, "x1", f"{closed_loop_name(high, 'x1', bench.units)}_collocated")
 
 
 def lab_day(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from baselines.compare import Comparison, Result, behaviour, headline, summarise
 from baselines.compare.comparison import instants
-from baselines.compare.tables import BY_TRIAL, LINEAR, WITH_FRICTION, loop_words, share_cell
+from baselines.compare.tables import BY_TRIAL, LINEAR, loop_words, share_cell, with_friction
 from baselines.evaluation.rollout import run_many
 from baselines.report import control_plots as plots
 from baselines.report.design_page import cell
@@ -14,11 +14,13 @@ from baselines.report.learnt_section import behaviour_section, statistics_sectio
 from baselines.report.page import Section, render
 from flexdrive_gym import LinearController, __version__
 from flexdrive_gym.references import handout_trajectory
+from flexdrive_gym.units import Units, in_rig_units
 
 
 def build_compare_page(comparison: Comparison) -> str:
-    """Return the page as HTML: measures, statistics, where learning loses and why, robustness, margins."""
-    sections = [_tracking(comparison)]
+    """Return the page as HTML: measures, statistics, where learning loses and why, robustness, margins; in the rig's units."""
+    shown = in_rig_units(comparison, comparison.drive.units)
+    sections = [_tracking(comparison, shown)]
     if any(r.entry.learnt for r in comparison.results):
         summaries, improvements = summarise(comparison)
         found = behaviour(comparison)
@@ -26,12 +28,12 @@ def build_compare_page(comparison: Comparison) -> str:
             statistics_section(comparison, summaries, improvements),
             behaviour_section(comparison, summaries, found),
         ]
-    sections += [_margins(comparison), _robustness(comparison), _who(comparison)]
+    sections += [_margins(comparison, shown), _robustness(shown, comparison.drive.units), _who(shown)]
     drawn = sum(c.group == "draw" and c.handout for c in comparison.cases)
     effects = sum(c.group == "effect" for c in comparison.cases)
     others = f", and {', '.join(comparison.references)}" if comparison.references else ""
     subtitle = (
-        f"{len(comparison.results)} controllers, {comparison.duration:g} s of the handout's trajectory{others}; {drawn} drives "
+        f"{len(comparison.results)} controllers, {shown.duration:g} s of the handout's trajectory{others}; {drawn} drives "
         f"drawn from the identified covariance (seed {comparison.seed}), {effects} left-out effects; one rig at 1 kHz"
     )
     return render(
@@ -43,8 +45,10 @@ def build_compare_page(comparison: Comparison) -> str:
     )
 
 
-def _tracking(comparison: Comparison) -> Section:
-    section = Section("Tracking on the identified drive", "tracking")
+def _tracking(comparison: Comparison, told: Comparison) -> Section:
+    """Return the measures; ``told`` is the comparison in the rig's units, what is run takes the engine's."""
+    units = comparison.drive.units
+    section = Section("Tracking on the identified drive", "tracking", units=units)
     section.table(
         ("controller", "feedback", "acts every [ms]", "rms e [mm]", "peak |e| [mm]", "settling [s]", "overshoot [%]",
          "vibration [V mm]", "rms u [V]", "peak |u| [V]", "at the limit", "success"),
@@ -52,27 +56,26 @@ def _tracking(comparison: Comparison) -> Section:
             (r.entry.name, r.entry.feedback, f"{1e3 * r.entry.period:g}", cell(m.rms), cell(m.peak), cell(m.settling, 2),
              cell(m.overshoot, 2), cell(m.vibration, 2), cell(m.effort), cell(m.effort_peak), f"{m.limited:.1%}",
              "yes" if m.success else "no")
-            for r in comparison.results for m in [r.nominal]
+            for r in told.results for m in [r.nominal]
         ],
     )  # fmt: skip
     section.text(
-        f"Settling: longest time after a move until x2 stays within {comparison.tolerance:g} mm; a "
+        f"Settling: longest time after a move until x2 stays within {units.text(comparison.tolerance, 'mm')}; a "
         "dash where it never does before the "
         "next move. Success: stable and settled in every dwell. Vibration: mean energy in the second half of the dwells. A "
         "controller slower than the rig's 1 ms holds its command between its samples."
     )
     # of learnt groups the middle seed, of classical designs those at the rig's own sample time
-    shown = [g.middle for g in comparison.groups if g.learnt or g.results[0].entry.period <= _RIG] or list(
-        comparison.results
-    )
+    shown = [g.middle for g in told.groups if g.learnt or g.results[0].entry.period <= _RIG] or list(told.results)
     t = instants(comparison.duration)
     xr = handout_trajectory(t)
     runs = {}
     for r in shown:
         run = run_many(r.entry.controller, [comparison.drive], xr)[0]
-        runs[r.entry.name] = (xr - run[2 if comparison.drive.carts == 2 else 0], run[4])
+        e = xr - run[2 if comparison.drive.carts == 2 else 0]
+        runs[r.entry.name] = (e / units.one("mm"), run[4] / units.one("V"))
     section.figure(
-        plots.plot_errors(shown, comparison.tolerance, runs, t),
+        plots.plot_errors(shown, told.tolerance, runs, t / units.one("s"), units),
         "Tracking error, all on one scale that cuts off the largest; the band is the tolerance.",
     )
     return section
@@ -81,28 +84,29 @@ def _tracking(comparison: Comparison) -> Section:
 _RIG = 1.001e-3
 
 
-def _margins(comparison: Comparison) -> Section:
-    section = Section("Margins", "margins")
-    rows = [(r, r.margins) for r in comparison.results if r.margins is not None]
+def _margins(comparison: Comparison, told: Comparison) -> Section:
+    units = comparison.drive.units
+    section = Section("Margins", "margins", units=units)
+    rows = [(r, r.margins) for r in told.results if r.margins is not None]
     section.table(
         ("controller", "loop", "crossover [rad/s]", "GM linear", "by trial", "PM linear [deg]", "delay linear [ms]",
          "by trial [ms]", "disk margin", "peak |S|", "smallest disturbance rejection [V/mm]", "GM with friction",
          "delay with friction [ms]"),
         [
-            (r.entry.name, loop_words(r), cell(m.crossover), cell(m.gain_margin, 4), *_trial(r, "gain"),
+            (r.entry.name, loop_words(r, units), cell(m.crossover), cell(m.gain_margin, 4), *_trial(r, "gain"),
              cell(m.phase_margin_deg), cell(1e3 * m.delay_margin, 4), *_trial(r, "delay"), cell(m.disk_margin),
              cell(m.sensitivity_peak), cell(m.stiffness), *_on_rig(r))
             for r, m in rows
         ],
     )  # fmt: skip
-    black = [r for r in comparison.results if r.margins is None and r.on_rig is not None]
+    black = [r for r in told.results if r.margins is None and r.on_rig is not None]
     if black:
         section.table(
             ("black box", "loop", "GM with friction", "delay with friction [ms]"),
-            [(r.entry.name, loop_words(r), *_on_rig(r)) for r in black],
+            [(r.entry.name, loop_words(r, units), *_on_rig(r)) for r in black],
         )
     section.text(f"{LINEAR} {BY_TRIAL}")
-    section.text(f"{WITH_FRICTION} A dash: no limit below 200 times the gain, or a second of delay.")
+    section.text(f"{with_friction(units)} A dash: no limit below 200 times the gain, or a second of delay.")
     fast = [r for r, _m in rows if r.entry.period <= _RIG] or [r for r, _m in rows]
     linear = {r.entry.name: r.entry.loop for r in fast if isinstance(r.entry.loop, LinearController)}
     if linear:
@@ -126,8 +130,8 @@ def _on_rig(result: Result) -> tuple[str, str]:
     return ("–", "–") if of is None else (cell(of.gain_margin, 4), cell(1e3 * of.delay_margin, 4))
 
 
-def _robustness(comparison: Comparison) -> Section:
-    section = Section("Robustness", "robustness")
+def _robustness(comparison: Comparison, units: Units) -> Section:
+    section = Section("Robustness", "robustness", units=units)
     section.table(
         ("controller", "stable over draws", "success over draws", "rms e, 5 % [mm]", "50 %", "95 %", "effects survived"),
         [
@@ -137,7 +141,7 @@ def _robustness(comparison: Comparison) -> Section:
         ],
     )  # fmt: skip
     section.figure(
-        plots.plot_robustness(comparison),
+        plots.plot_robustness(comparison, 1e3 / units.one("mm")),
         "rms error over the drawn drives (bars) and with each left-out effect (dots).",
     )
     effects = [c.name for c in comparison.cases if c.group == "effect"]

@@ -15,6 +15,7 @@ from baselines.rig.timing import Timing
 from flexdrive_gym import Excitation, Observation, PControl, Recording
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.references import handout_trajectory, sine, square
+from flexdrive_gym.units import Units
 
 # stiff enough that friction leaves the cart within a few mm of the middle, and slow
 HOMING_GAIN, HOMING_V, HOMING_MM_S = 0.2, 2.0, 50.0
@@ -75,15 +76,26 @@ class RigBench:
         """2, or 1 for a rigid drive."""
         return self.rig.description.carts
 
+    @property
+    def units(self) -> Units:
+        """The rig's."""
+        return self.rig.description.units
+
     def p_control(self, gain: float, feedback: Literal["x1", "x2"], name: str = "") -> Recording:
         """Run P-control on the handout's trajectory for 4 s (2.1-2.4)."""
         t = self._times(P_CONTROL_S)
         self.go_home()
-        made = self._run(PControl(gain, feedback), handout_trajectory(t), name or closed_loop_name(gain, feedback))
-        at_limit = bool(np.max(np.abs(made.u)) >= self.limits.voltage)
+        limit = min(self.limits.voltage, self.rig.description.saturation)
+        made = self._run(
+            PControl(gain, feedback),
+            handout_trajectory(t),
+            name or closed_loop_name(gain, feedback, self.units),
+            replace(self.limits, voltage=limit),
+        )
+        at_limit = bool(np.max(np.abs(made.u)) >= limit)
         excitation = Excitation(
             "closed_loop", float(np.ptp(handout_trajectory(t))), 0.5, feedback, gain,
-            limit=self.limits.voltage if at_limit else None,
+            limit=limit if at_limit else None,
         )  # fmt: skip
         return replace(made, excitation=excitation, v1=None, v2=None)
 
@@ -97,15 +109,19 @@ class RigBench:
         """
         if amplitude > self.limits.voltage:
             raise ValueError(
-                f"{kind}: the amplitude must be within the command limit of {self.limits.voltage:g} V; got {amplitude:g} V. "
+                f"{kind}: the amplitude must be within the command limit of {self.units.text(self.limits.voltage, 'V')}; got "
+                f"{self.units.text(amplitude, 'V')}. "
                 "Lower it."
             )
         t = self._times(DURATION_S)
         u = (square if kind == "square" else sine)(t, amplitude, frequency)
         self.go_home()
         made = self._run(
-            Playback(u, self.rig.description.period), np.zeros(len(t)), open_loop_name(kind, amplitude, frequency)
-        )  # fmt: skip
+            Playback(u, self.rig.description.period),
+            np.zeros(len(t)),
+            open_loop_name(kind, amplitude, frequency, self.units),
+            self.limits,
+        )
         return replace(made, excitation=Excitation(kind, amplitude, frequency), xr=None, x1=None, x2=None)
 
     def go_home(self) -> None:
@@ -152,8 +168,8 @@ class RigBench:
     def _times(self, duration: float) -> FloatArray:
         return np.asarray(np.arange(self._samples(duration) + 1) * self.rig.description.period)
 
-    def _run(self, controller: Callable[[Observation], float], reference: FloatArray, name: str) -> Recording:
-        made = run(self.rig, controller, reference, self.limits, name=name)
+    def _run(self, controller: Callable[[Observation], float], reference: FloatArray, name: str, limits: Limits) -> Recording:
+        made = run(self.rig, controller, reference, limits, name=name)
         self.timings[name] = made.timing
         if made.lost:
             made = replace(

@@ -234,7 +234,8 @@ def _recording(rig: Rig, log: _Log, name: str) -> Recording:
         v2=v2 if two else None,
         quantum=told.quantum,
         notes=(log.note,) if log.note else (),
-        source=told.name,
+        source="simulated" if told.returns else told.name,
+        units=told.units,
     )
 
 

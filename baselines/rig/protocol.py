@@ -6,6 +6,8 @@ from dataclasses import dataclass, fields
 from math import inf, isfinite
 from typing import Protocol
 
+from flexdrive_gym.units import LAB, Units
+
 MOST_NAME = 32
 
 
@@ -80,6 +82,10 @@ class Description:
         Whether its clock is that on the wall, so that samples can be late; a simulation may wait for its commands.
     returns
         Whether its carts stand at rest at 0 whenever a run starts, as those of a simulation do.
+    saturation
+        Command at which a simulated amplifier saturates [V]; a controller's command is clipped to it, an excitation is not.
+    units
+        Those of its owner; everything else here is in mm, V and s.
     """
 
     name: str
@@ -89,6 +95,8 @@ class Description:
     limits: Limits = Limits()
     real_time: bool = True
     returns: bool = False
+    saturation: float = inf
+    units: Units = LAB
 
 
 @dataclass(frozen=True, slots=True)

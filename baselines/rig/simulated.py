@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import inf
+
 import numpy as np
 
 from baselines.loop_analysis.stability_limit import with_rig
@@ -44,9 +46,12 @@ class SimulatedRig:
                 values["encoder_quantisation.encoder_1.quantum"],
                 values.get("encoder_quantisation.encoder_2.quantum", 0.0),
             ),
-            limits=Limits(travel=travel, voltage=self.drive.voltage_limit),
+            # whoever simulates may drive the amplifier as far as its physics goes
+            limits=Limits(travel=travel, voltage=inf if returns else self.drive.voltage_limit),
             real_time=False,
             returns=returns,
+            saturation=self.drive.voltage_limit,
+            units=drive.units,
         )
         parameters.check_delays(values, period)
         self._substeps = parameters.substeps(values, period, PERIOD_S)

@@ -25,6 +25,7 @@ import numpy.typing as npt
 from flexdrive_gym.drive import loop, parameters
 from flexdrive_gym.drive.sample import WORK_SPACE
 from flexdrive_gym.recording import FloatArray
+from flexdrive_gym.units import Units
 
 if TYPE_CHECKING:
     import control
@@ -223,6 +224,24 @@ class LinearController:
     def replace(self, **changes: Any) -> LinearController:
         """Return the controller with other fields and no past."""
         return replace(self, **changes)
+
+    def rescaled(self, units: Units) -> LinearController:
+        """Return a controller that speaks a rig's units as one that speaks the engine's."""
+        if units.lab:
+            return self
+        length, command, time = (units.one(unit) for unit in ("mm", "V", "s"))
+        assert self.L is not None
+        out = np.array([[command], [length / time]])
+        return self.replace(
+            B=self.B / length,
+            C=self.C * out,
+            D=self.D * out / length,
+            L=self.L / command,
+            sample_time=self.sample_time * time,
+            limit=self.limit * command,
+            friction=self.friction * command,
+            threshold=self.threshold * length / time,
+        )
 
     def reset(self) -> None:
         """Forget the past."""

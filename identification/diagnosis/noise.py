@@ -127,7 +127,7 @@ class Noise:
             own = _STILL if run.positions else share
             A, Q = transitions(self.values, run.block * run.sample_time, own * q, own * s, self.forces.time_s)
             rho = _rounding(self.bench, run.name)
-            start = np.array([rho[0], 0.0, rho[-1], 0.0, *(own * s) ** 2])
+            start = np.array([rho[0], 0.0, rho[-1], 0.0, *(own * s) ** 2, 0.0, 0.0])
             found.append((A, Q, start))
         return found
 

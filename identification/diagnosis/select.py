@@ -298,7 +298,10 @@ class Selector:
         for candidate, found in self.bench.pool.map(tried, jobs):
             if candidate.name not in best or found.cost < best[candidate.name][1].cost:
                 best[candidate.name] = candidate, found
-        leading = sorted(best, key=lambda n: best[n][1].cost)[: self.settings.finished]
+        # those that are ahead, and those that the linear change puts first, however far their fits have to go
+        asked = list(dict.fromkeys(candidate.name for candidate, _ in jobs))
+        ahead = sorted(best, key=lambda n: best[n][1].cost)[: self.settings.finished]
+        leading = list(dict.fromkeys([*ahead, *asked[: self.settings.finished // 2]]))
         ended = self.bench.pool.map(lambda n: fit(self.bench, noise, best[n][1].values, best[n][1].names), leading)
         return best | {n: (best[n][0], f) for n, f in zip(leading, ended, strict=True)}
 

@@ -222,8 +222,8 @@ def test_the_command_writes_recordings_that_can_be_read_back(tmp_path):
         assert ran.returncode == 0, err
         until(lambda: peer.output == 0.0)
     said = json.loads(out)
-    assert said["rig"]["address"] == address
-    assert said["rig"]["limits"]["travel"] == 250.0
+    assert said["connection"]["address"] == address
+    assert said["connection"]["limits"]["travel"] == 250.0
     assert said["timing_ms"]["latency"]["median"] > 0.0
     kinds = sorted(str(r.excitation) for r in read_recordings(tmp_path))
     assert kinds == ["P-control from x2, Kp = 0.05 V/mm", "square ±1.5 V, 0.5 Hz"]
