@@ -86,10 +86,12 @@ def experiment(
     ] = None,
     travel: Annotated[
         float | None,
-        typer.Option(min=1.0, max=1e4, help="Stop where a cart is farther from zero [mm]; default: the rig's."),
+        typer.Option(
+            callback=positive, help="Stop where a cart is farther from zero [mm, or the rig's]; default: the rig's."
+        ),
     ] = None,
     voltage: Annotated[
-        float | None, typer.Option(min=0.01, max=1000.0, help="Largest command [V]; default: the rig's.")
+        float | None, typer.Option(callback=positive, help="Largest command [V, or the rig's]; default: the rig's.")
     ] = None,
     late: Annotated[
         float, typer.Option(min=0.1, max=1e4, help="Stop where a sample comes later, or so long a gap is lost [ms].")
@@ -185,9 +187,10 @@ def _terminated_as_interrupted() -> Iterator[None]:
 def _limits(rig: Rig, travel: float | None, voltage: float | None, late: float, watchdog: float) -> Limits:
     from baselines.rig import Limits  # noqa: PLC0415
 
+    units = rig.description.units
     return Limits(
-        travel=travel or math.inf,
-        voltage=voltage or math.inf,
+        travel=units.to_engine(travel, "mm") if travel else math.inf,
+        voltage=units.to_engine(voltage, "V") if voltage else math.inf,
         resting=math.inf if rig.description.returns else _RIG_RESTING_S,
         late=late / 1e3,
         watchdog=watchdog / 1e3,
@@ -231,9 +234,7 @@ def _print_results(
             "real_time": said.real_time,
         }
         told["limits"] = bench.limits
-        print_json(
-            {"folder": output, "recordings": written, "rig": described, "connection": told, "timing_ms": times}
-        )
+        print_json({"folder": output, "recordings": written, "rig": described, "connection": told, "timing_ms": times})
         return
     table(
         f"recordings of {said.name} in {output}",

@@ -168,7 +168,9 @@ class RigBench:
     def _times(self, duration: float) -> FloatArray:
         return np.asarray(np.arange(self._samples(duration) + 1) * self.rig.description.period)
 
-    def _run(self, controller: Callable[[Observation], float], reference: FloatArray, name: str, limits: Limits) -> Recording:
+    def _run(
+        self, controller: Callable[[Observation], float], reference: FloatArray, name: str, limits: Limits
+    ) -> Recording:
         made = run(self.rig, controller, reference, limits, name=name)
         self.timings[name] = made.timing
         if made.lost:
