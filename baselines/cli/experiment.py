@@ -91,7 +91,7 @@ def experiment(
         ),
     ] = None,
     voltage: Annotated[
-        float | None, typer.Option(callback=positive, help="Largest command [V, or the rig's]; default: the rig's.")
+        float | None, typer.Option(min=1e-9, max=1e9, help="Largest command [V, or the rig's]; default: the rig's.")
     ] = None,
     late: Annotated[
         float, typer.Option(min=0.1, max=1e4, help="Stop where a sample comes later, or so long a gap is lost [ms].")
