@@ -10,6 +10,7 @@ from benchmarks import (
     diagnosis,
     engines,
     environment,
+    export,
     false_alarms,
     friction_by_run,
     gymnasium_import,
@@ -37,6 +38,7 @@ ALL = {
     "coverage": coverage.main,
     "blind_nuisance": blind_nuisance.main,
     "controllers": controllers.main,
+    "export": export.main,
     "overlay": overlay.main,
     "magnet": magnet.main,
 }

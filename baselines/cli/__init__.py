@@ -17,6 +17,7 @@ from baselines.cli import (
     design,
     diagnose,
     experiment,
+    export,
     identify,
     lab,
     migrate,
@@ -41,7 +42,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for _module in (
-    demo, check, identify, validate, stability, experiment, diagnose, design, train, compare, report, term, lab,
+    demo, check, identify, validate, stability, experiment, diagnose, design, train, compare, report, term, export, lab,
     migrate, blind, benchmark,
 ):  # fmt: skip
     app.command(cls=Command)(getattr(_module, _module.__name__.rsplit(".", 1)[-1]))

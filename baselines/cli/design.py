@@ -9,7 +9,6 @@ import typer
 
 from baselines.cli._command import positive
 from baselines.cli._output import DriveFile, Json, number, print_json, say, table
-from flexdrive_gym.units import in_rig_units
 
 if TYPE_CHECKING:
     from baselines.controllers.loop_shaping import Lab4
@@ -76,6 +75,8 @@ def _in_words(spread: LoopUncertainty) -> str:
 
 def _values(values: Lab4, units: Units) -> dict[str, tuple[float, str]]:
     """Return symbol to value and unit, as the rig's owner reads them."""
+    from flexdrive_gym.units import in_rig_units  # noqa: PLC0415
+
     return {name: units.of_rig(value, unit) for name, (value, unit) in values.table().items()}
 
 
@@ -118,6 +119,7 @@ def _print(engine: Lab4Study, units: Units) -> None:
     from baselines.compare.tables import LINEAR  # noqa: PLC0415
     from baselines.evaluation.metrics import TOLERANCE_MM  # noqa: PLC0415
     from baselines.lab.lab4_study import DISTURBANCE_V, STEP_MM, verdict  # noqa: PLC0415
+    from flexdrive_gym.units import in_rig_units  # noqa: PLC0415
 
     hand, refined, study = _values(engine.by_hand, units), _values(engine.refined, units), in_rig_units(engine, units)
     pushed = units.text(DISTURBANCE_V, "V")

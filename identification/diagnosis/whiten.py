@@ -65,8 +65,8 @@ def _transition(
     m2, b2, k = values.get("m2", m1), values.get("b2", 0.0), values.get("k", 0.0)
     F, L = np.zeros((STATES, STATES)), np.zeros((STATES, STATES))
     F[0, 1] = F[2, 3] = 1.0
-    F[1] = [-k / m1, -b1 / m1, k / m1, 0.0, 1.0 / m1, 0.0]
-    F[3] = [k / m2, 0.0, -k / m2, -b2 / m2, 0.0, 1.0 / m2]
+    F[1, :6] = [-k / m1, -b1 / m1, k / m1, 0.0, 1.0 / m1, 0.0]
+    F[3, :6] = [k / m2, 0.0, -k / m2, -b2 / m2, 0.0, 1.0 / m2]
     L[1, 1], L[3, 3] = (q[0] / m1) ** 2, (q[1] / m2) ** 2
     L[4, 4], L[5, 5] = 2.0 * s**2 / tau
     for c in range(2):

@@ -57,7 +57,7 @@ def folder(tmp_path_factory):
 def test_the_contract_names_every_command():
     assert set(COMMANDS) == {
         "demo", "identify", "validate", "stability", "experiment", "diagnose", "design", "train", "compare", "report",
-        "blind", "benchmark", "check", "lab", "migrate", "term",
+        "blind", "benchmark", "check", "export", "lab", "migrate", "term",
     }  # fmt: skip
 
 
@@ -92,6 +92,7 @@ def test_a_missing_file_is_named_and_nothing_is_written(command, tmp_path):
         pytest.param("design", ["drive.toml", "-o", "out"], marks=pytest.mark.slow),
         ("compare", ["drive.toml", "-o", "out", "-c", "p_x2,lab4", "-a", "none", "-r", "sine", "--no-effects"]),
         ("experiment", ["drive.toml", "-o", "out/day", "--frequency", "1", "--square", "1.5"]),
+        ("export", ["drive.toml", "--to", "matlab", "-o", "out"]),
         ("report", ["recordings", "-o", "out/report.html"]),
     ],
 )

@@ -53,6 +53,8 @@ def parsed(command, option, value, place):
                  if p.param_type_name == "argument" and p.required]  # fmt: skip
     if command == "benchmark":
         arguments += ["--data", str(place)]
+    if command == "export":
+        arguments += ["--to", "matlab"]
     if any("-o" in p.opts for p in COMMANDS[command].params):
         arguments += ["-o", str(place / "out")]
     try:

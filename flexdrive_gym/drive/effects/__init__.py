@@ -19,7 +19,7 @@ from flexdrive_gym.drive.compilation import called, inlined
 from flexdrive_gym.drive.effects._effect import RING, SITES, Effect, Parameter, Site, Where
 from flexdrive_gym.drive.simd.pack import leading, raised
 
-__all__ = ["EFFECTS", "LAYOUT", "RING", "SITES", "Effect", "Parameter", "Slot", "Where", "chain"]
+__all__ = ["EFFECTS", "LAYOUT", "RING", "SITES", "Effect", "Parameter", "Slot", "Where", "chain", "hooks_of"]
 
 # the parameter vector starts with the inverse masses 1/m1 and 1/m2; 1/m2 = 0 makes a rigid, one-cart drive
 MASSES = 2
@@ -91,7 +91,7 @@ ANCHOR_1, ANCHOR_2, BEGIN_1, BEGIN_2, BEGIN_T, PUSH_1, PUSH_2, LEVEL_1, LEVEL_2,
 )
 _FLAGS = ROWS * N_STATES + 10
 
-_ARGUMENTS: dict[str, str] = {
+ARGUMENTS: dict[str, str] = {
     # signature after the accumulated value
     "command": "t",
     "actuator": "dt",
@@ -110,7 +110,7 @@ _ARGUMENTS: dict[str, str] = {
     "speed": "",
 }
 # sites whose hooks see what the effect remembers
-_REMEMBERING = {"actuator", "transmission", "spring", "cart", "track", "rates", "begin", "finish", "reading"}
+REMEMBERING = {"actuator", "transmission", "spring", "cart", "track", "rates", "begin", "finish", "reading"}
 # chains that exist once per place
 _PLACES: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("damping", "cart", "friction", "breakaway"), ("cart_1", "cart_2")),
@@ -125,7 +125,7 @@ ON_CARTS = LINEAR + 1
 _HOOK_FLAGS = ON_CARTS + 1
 
 
-def _hooks(site: str, where: str | None) -> list[tuple[Callable[..., Any], Slot]]:
+def hooks_of(site: str, where: str | None) -> list[tuple[Callable[..., Any], Slot]]:
     """Return hooks of one chain in order, each with the slot of its effect's first parameter at its place."""
     found = []
     for item in sorted(EFFECTS, key=lambda e: e.order):
@@ -141,7 +141,8 @@ def _hooks(site: str, where: str | None) -> list[tuple[Callable[..., Any], Slot]
 _HOOK_FLAG = {
     (*which, slot.effect.id, slot.where): i
     for i, (which, slot) in enumerate(
-        ((which, slot) for which in CHAINS for _hook, slot in _hooks(*which) if not slot.effect.base), start=_HOOK_FLAGS
+        ((which, slot) for which in CHAINS for _hook, slot in hooks_of(*which) if not slot.effect.base),
+        start=_HOOK_FLAGS,
     )
 }
 _MEMORY = _HOOK_FLAGS + len(_HOOK_FLAG)
@@ -171,13 +172,13 @@ _compiled = cache(inlined)
 
 def _lines(site: str, where: str | None, names: dict[str, Any], *, base: bool) -> list[str]:
     lines = []
-    for hook, slot in _hooks(site, where):
+    for hook, slot in hooks_of(site, where):
         if base and not slot.effect.base:
             continue
         name = f"{slot.effect.id}_{len(names)}"
         names[name] = _compiled(hook)
         own = f"r + {slot.state_index}" if slot.effect.states else f"{_MEMORY + slot.memory_index}"
-        arguments = ["acc", _ARGUMENTS[site], f"z, {own}" if site in _REMEMBERING else "", f"p, {slot.base_index}"]
+        arguments = ["acc", ARGUMENTS[site], f"z, {own}" if site in REMEMBERING else "", f"p, {slot.base_index}"]
         flag = None if slot.effect.base else _HOOK_FLAG[site, where, slot.effect.id, slot.where]
         condition = "" if flag is None else f"if raised(z, {flag}): "
         lines.append(f"{condition}acc = {name}({', '.join(a for a in arguments if a)})")
@@ -203,10 +204,12 @@ def chain(site: Site, where: str | None = None, *, base: bool) -> Callable[..., 
     if not base:
         skip = [f"    {line}" for line in [*lines, "return acc"]]
         lines = [f"if not raised(z, {FLAG[site, where]}):", *skip, *_lines(site, where, names, base=False)]
-    arguments = ", ".join(a for a in ("acc", _ARGUMENTS[site], "z, r, p") if a)
+    arguments = ", ".join(a for a in ("acc", ARGUMENTS[site], "z, r, p") if a)
     source = "\n    ".join([f"def composed({arguments}):", *lines, "return acc\n"])
     # The hooks are known only once all files are found, and a compiled call must be written out; hence source text.
     exec(compile(source, f"<{site} chain>", "exec"), names)  # noqa: S102
+    # which chain it is, for whoever translates the step into another language
+    names["composed"].chain = (site, where)
     return inlined(names["composed"])
 
 
@@ -214,7 +217,7 @@ def _switches() -> list[tuple[int, float, int]]:
     """Return parameter, its null, and the flag it sets, for every chain, hook and parameter that makes them necessary."""
     found = []
     for which in CHAINS:
-        for effect, place in dict.fromkeys((s.effect.id, s.where) for _hook, s in _hooks(*which)):
+        for effect, place in dict.fromkeys((s.effect.id, s.where) for _hook, s in hooks_of(*which)):
             flags = [FLAG[which]]
             if (*which, effect, place) in _HOOK_FLAG:
                 flags.append(_HOOK_FLAG[*which, effect, place])
