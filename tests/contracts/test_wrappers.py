@@ -71,9 +71,35 @@ def test_normalised_observations(name):
     assert np.isfinite(env.obs_rms.mean).all()
 
 
-def test_processes_of_their_own():
+def test_all_of_them_together(tmp_path):
+    # the order in which a training script stacks them
+    pytest.importorskip("moviepy", reason="needs MoviePy, of the extra render")
+    pytest.importorskip("pygame", reason="needs the extra render")
+    env = gymnasium.make(IDS[1], render_mode="rgb_array", randomise={"d1": (0.2, 0.5)}, duration=0.02)
+    env = wrappers.RecordVideo(env, str(tmp_path / "video"), episode_trigger=lambda _i: True, disable_logger=True)
+    env = wrappers.FrameStackObservation(wrappers.NormalizeObservation(wrappers.RecordEpisodeStatistics(env)), 2)
+    steps, info = episode(env)
+    assert (steps, info["episode"]["l"]) == (4, 4)
+    assert env.observation_space.shape == (2, *gymnasium.make(IDS[1]).observation_space.shape)
+    env.close()
+    assert len(list((tmp_path / "video").glob("*.mp4"))) == 1
+
+
+def test_wrapped_batches():
+    batch = gymnasium.make_vec(IDS[2], num_envs=3, **SHORT)
+    env = vector_wrappers.NormalizeObservation(vector_wrappers.RecordEpisodeStatistics(batch))
+    env.reset(seed=0)
+    for _ in range(11):
+        observation, *_rest = env.step(np.full((3, 1), 0.3, np.float32))
+    assert observation.shape == env.observation_space.shape
+    assert np.isfinite(observation).all()
+    assert np.isfinite(env.obs_rms.mean).all()
+
+
+@pytest.mark.parametrize("shared_memory", [True, False])
+def test_processes_of_their_own(shared_memory):
     # a process per drive costs a second each, and the three differ in what is seen alone
-    env = gymnasium.vector.AsyncVectorEnv([lambda: gymnasium.make(IDS[1], **SHORT)] * 2)
+    env = gymnasium.vector.AsyncVectorEnv([lambda: gymnasium.make(IDS[1], **SHORT)] * 2, shared_memory=shared_memory)
     batch = gymnasium.make_vec(IDS[1], num_envs=2, **SHORT)
     try:
         assert np.array_equal(env.reset(seed=3)[0], batch.reset(seed=3)[0])
