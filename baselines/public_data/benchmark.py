@@ -56,8 +56,10 @@ class Benchmark:
         Of the rig.
     columns, published
         Headings of the published table and its rows.
-    hold_out
-        Divides the training recordings into what is learnt from and what is kept for validation.
+    blocks
+        Contiguous blocks that every training recording is cut into: each block of all recordings is left out once.
+    horizon
+        Time [engine's s] over which errors of position build up, where the output is a position that may drift; else ``None``.
     known
         Adds to a recording what its file cannot say.
     column_of
@@ -76,7 +78,8 @@ class Benchmark:
     rule: Rule
     columns: tuple[str, ...]
     published: tuple[Published, ...]
-    hold_out: Callable[[Sequence[Recording]], tuple[tuple[Recording, ...], tuple[Recording, ...]]]
+    blocks: int
+    horizon: float | None = None
     known: Callable[[Recording], Recording] = lambda recording: recording
     column_of: Callable[[Recording], int] = lambda _: 0
     without_extrapolation: Mapping[int, int] = field(default_factory=dict)
@@ -91,8 +94,11 @@ class Benchmark:
 
     def score(self, error: FloatArray) -> float:
         """Return the figure of a simulation error [engine's mm or mm/s], the window left out."""
-        rms = float(np.sqrt(np.mean(np.square(error[self.rule.window :]))))
-        return rms / self.units.per_length * self.rule.per_output
+        return self.figure(error[self.rule.window :])
+
+    def figure(self, scored: FloatArray) -> float:
+        """Return the figure of the errors of the samples that are scored."""
+        return float(np.sqrt(np.mean(np.square(scored)))) / self.units.per_length * self.rule.per_output
 
     @property
     def units(self) -> Units:

@@ -9,10 +9,9 @@ records, so one drive cannot be both.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import replace
 
-from baselines.public_data.benchmark import Benchmark, Published, Rule, piece
+from baselines.public_data.benchmark import Benchmark, Published, Rule
 from flexdrive_gym.recording import Recording
 from identification.recordings import Rig
 from identification.recordings.rig import Unit
@@ -25,24 +24,11 @@ RIG = Rig(
     units={"v2": Unit("ticks/s")},
     scale={"length": 100.0},
 )
-_KEPT = 100
 
 
 def known(recording: Recording) -> Recording:
     """Say that nobody knows how the speed was made from the pulses."""
     return replace(recording, velocity_cutoff=None, quantum=(0.0, 0.0))
-
-
-def hold_out(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
-    """Keep the last 100 samples of the uniform records, as the benchmark does with the whole ones."""
-    learn, kept = [], []
-    for r in recordings:
-        if "uniform" in r.name:
-            learn.append(piece(r, 0, r.n - _KEPT, r.name))
-            kept.append(piece(r, r.n - _KEPT, r.n, f"{r.name}, last {_KEPT}"))
-        else:
-            learn.append(r)
-    return tuple(learn), tuple(kept)
 
 
 def column_of(recording: Recording) -> int:
@@ -76,6 +62,6 @@ COUPLED_DRIVES = Benchmark(
         Published("LSTM", (0.303, 0.145)),
         Published("best reported", (0.115, 0.074)),
     ),
-    hold_out=hold_out,
+    blocks=4,
     column_of=column_of,
 )

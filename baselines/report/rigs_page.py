@@ -37,11 +37,15 @@ def sentences(found: Row) -> list[str]:
     """Return the result in a few sentences."""
     told = found["named"] + found["tied"]
     lines = [
-        f"{told} of {found['concealed']} documented effects are found: {found['named']} named, {found['tied']} tied with "
-        f"look-alikes, {found['missed']} missed (aim: at least {found['aims']['named_or_tied']}).",
-        f"{found['claims']} other claims: the documentation contradicts {found['contradicted']} (aim: at most "
-        f"{found['aims']['contradicted_at_most']}), the others lie beyond it. With a look-alike's base model "
-        f"{found['control_claims']} undocumented names.",
+        (
+            f"{told} of {found['concealed']} documented effects are found: {found['named']} named, {found['tied']} tied with "
+            f"look-alikes, {found['missed']} missed (aim: at least {found['aims']['named_or_tied']})."
+        ),
+        (
+            f"{found['claims']} other claims: the documentation contradicts {found['contradicted']} (aim: at most "
+            f"{found['aims']['contradicted_at_most']}), the others lie beyond it. With a look-alike's base model "
+            f"{found['control_claims']} undocumented names."
+        ),
     ]
     if found["absent"]:
         lines.append(f"Absent: {', '.join(found['absent'])}.")

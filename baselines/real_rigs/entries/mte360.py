@@ -33,7 +33,7 @@ MTE360_2022 = RealRig(
 MTE360_2025 = RealRig(
     name="mte360_2025",
     title="MTE 360 rig, 2025",
-    citation="University of Waterloo, MTE 360, another group's recordings (repository Mthanson1/MTE360-Collocated-Controller-Lab3)",
+    citation="University of Waterloo, MTE 360, another group (repository Mthanson1/MTE360-Collocated-Controller-Lab3)",
     topology=TWO_CARTS,
     figures=_RATIOS,
 )
