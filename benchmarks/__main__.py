@@ -19,6 +19,7 @@ from benchmarks import (
     overlay,
     real_rigs,
     recordings,
+    remaining_force,
     reversals,
     sim_to_real,
     speed,
@@ -45,6 +46,7 @@ LONG = {
     "false_alarms": false_alarms.main,
     "friction_by_run": friction_by_run.main,
     "learners": learners.main,
+    "remaining_force": remaining_force.main,
     "reversals": reversals.main,
     "sim_to_real": sim_to_real.main,
 }

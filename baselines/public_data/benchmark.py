@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from flexdrive_gym.drive.effects import Where
 from flexdrive_gym.recording import FloatArray, Recording
 from flexdrive_gym.units import Units
 from identification.recordings import Rig, read_recordings
@@ -41,6 +42,28 @@ class Published:
 
 
 @dataclass(frozen=True)
+class Hypothesis:
+    """Physics that a data set's documentation or its pictures suggest: one more structure, fitted from far away.
+
+    A search that adds one effect at a time stays near where it begins. A structure that needs several at once is tried as a whole,
+    and the blocks that are left out say what it is worth.
+
+    Attributes
+    ----------
+    name
+        In words.
+    effects
+        Ids and places.
+    start
+        Values to start from.
+    """
+
+    name: str
+    effects: tuple[tuple[str, Where], ...]
+    start: Mapping[str, float]
+
+
+@dataclass(frozen=True)
 class Benchmark:
     """One public data set.
 
@@ -64,6 +87,8 @@ class Benchmark:
         Adds to a recording what its file cannot say.
     column_of
         Returns in which column of the table a recording is scored.
+    hypotheses
+        Structures that are averaged beside those around the findings.
     without_extrapolation
         Column to another one, in which the same recording is scored up to where its output leaves the range of training.
     """
@@ -82,6 +107,7 @@ class Benchmark:
     horizon: float | None = None
     known: Callable[[Recording], Recording] = lambda recording: recording
     column_of: Callable[[Recording], int] = lambda _: 0
+    hypotheses: tuple[Hypothesis, ...] = ()
     without_extrapolation: Mapping[int, int] = field(default_factory=dict)
 
     def read(self, path: Path) -> Recording:

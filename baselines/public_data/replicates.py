@@ -1,8 +1,8 @@
 r"""The score that friction alone makes, as it differs from run to run.
 
 Blocks of the training recordings are the replicates: in each, the level of friction (one factor for all of b and d) and a
-constant force are fitted beside the drive. What they differ by between blocks is their covariance. Drawn from it, they make runs of
-the same drive, and the rms between such a run and the drive itself is a score that no model of the mean can better.
+constant force are fitted beside the drive. What they differ by between blocks is their covariance. Drawn from it, they make runs
+of the same drive, and the rms between such a run and the drive itself is a score that no model of the mean can better.
 """
 
 from __future__ import annotations

@@ -96,7 +96,11 @@ def open_structures(
     kept = [s for s in seen if not s.name.startswith("with ") or s.cost < (1.0 - _GAIN) * main.cost]
     kept = sorted(kept, key=lambda s: s.cost)[:_MOST]
     say(f"fitting {len(kept)} structures")
-    return [main, *(s.fitted(pieces, benchmark) for s in kept)]
+    far = [
+        Structure(h.name, h.effects, {**benchmark.topology.start, **h.start, **benchmark.topology.fixed})
+        for h in benchmark.hypotheses
+    ]
+    return [main, *(s.fitted(pieces, benchmark) for s in (*kept, *far))]
 
 
 def label(effect: Named) -> str:
