@@ -45,8 +45,8 @@ class Published:
 class Hypothesis:
     """Physics that a data set's documentation or its pictures suggest: one more structure, fitted from far away.
 
-    A search that adds one effect at a time stays near where it begins. A structure that needs several at once is tried as a whole,
-    and the blocks that are left out say what it is worth.
+    A search that adds one effect at a time stays near where it begins. A structure that needs several at once is tried as a
+    whole, and the blocks that are left out say what it is worth.
 
     Attributes
     ----------

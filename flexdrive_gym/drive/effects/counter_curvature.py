@@ -2,8 +2,8 @@ r"""A speed sensor whose reading is bent: a power of the speed, as of a pulse co
 
 .. math:: r \leftarrow r\,(|r| / v_r)^e, \qquad v_r = 100\ \mathrm{mm/s}
 
-With e = 0 it is a straight one, with e = 1 it shows the square; at 100 mm/s it is right whatever e is. Worked check: with e = 0.2 a
-speed of 200 mm/s reads as 229.7 mm/s and 50 mm/s as 43.5 mm/s.
+With e = 0 it is a straight one, with e = 1 it shows the square; at 100 mm/s it is right whatever e is. Worked check: with
+e = 0.2 a speed of 200 mm/s reads as 229.7 mm/s and 50 mm/s as 43.5 mm/s.
 """
 
 from __future__ import annotations
