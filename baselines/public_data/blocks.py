@@ -10,18 +10,21 @@ scaled to its own spread. The error of the average in block j is told with weigh
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from itertools import pairwise
 
 import numpy as np
 from scipy.optimize import nnls
 
 from baselines.public_data.benchmark import Benchmark, piece
-from baselines.public_data.fitting import piece_of, simulated, started
+from baselines.public_data.fitting import Piece, piece_of, simulated, started
 from baselines.public_data.structures import Structure
 from flexdrive_gym.recording import FloatArray, Recording
 
 # weight of the demand that weights sum to 1, and of the pull towards equal ones, in squared errors of the blocks
 _SUM, _EQUAL = 1e3, 0.1
+# steps of a fit that begins where all blocks ended
+_STEPS = 15
 
 
 def cut(recording: Recording, blocks: int) -> list[tuple[int, int]]:
@@ -34,6 +37,7 @@ def block_errors(
     structures: Sequence[Structure],
     recordings: Sequence[Recording],
     benchmark: Benchmark,
+    pool: Executor,
     say: Callable[[str], None],
 ) -> list[list[list[FloatArray]]]:
     """Return the free-simulation errors of structures in blocks they were not fitted to.
@@ -54,14 +58,16 @@ def block_errors(
                 for a, b in ((0, begin), (end, r.n))
                 if b - a > 2 * benchmark.rule.window
             ]
-        for i, structure in enumerate(structures):
-            say(f"leaving out block {j + 1} of {benchmark.blocks}: {structure.name}")
-            values = structure.fitted(rest, benchmark, evaluations=15).values
-            errors[i].append([])
-            for p in left:
-                q = started(values, p, benchmark)
-                errors[i][j].append((q.measured - simulated(values, q))[benchmark.rule.window :])
+        say(f"leaving out block {j + 1} of {benchmark.blocks}")
+        fits = list(pool.map(lambda s, rest=rest: s.fitted(rest, benchmark, evaluations=_STEPS), structures))
+        for i, fit in enumerate(fits):
+            errors[i].append([_error(fit, p, benchmark) for p in left])
     return errors
+
+
+def _error(structure: Structure, left: Piece, benchmark: Benchmark) -> FloatArray:
+    p = started(structure.values, left, benchmark)
+    return np.asarray((p.measured - simulated(structure.values, p))[benchmark.rule.window :])
 
 
 def weights(errors: Sequence[Sequence[Sequence[FloatArray]]], leave_out: int | None = None) -> FloatArray:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -193,8 +195,9 @@ def run_benchmark(
     training = tuple(benchmark.read(p) for p in files)
     tests = tuple(benchmark.read(p) for p in benchmark.files(folder, benchmark.test))
     found = diagnose(training, seed=seed, jobs=jobs, topology=benchmark.topology, say=say)
-    ladder, structures = _climbed(found, training, benchmark, say)
-    errors = block_errors([*ladder, *structures], training, benchmark, say)
+    with ThreadPoolExecutor(jobs or len(os.sched_getaffinity(0))) as pool:
+        ladder, structures = _climbed(found, training, benchmark, pool, say)
+        errors = block_errors([*ladder, *structures], training, benchmark, pool, say)
     open_errors = errors[len(ladder) :]
     shares = weights(open_errors)
     rungs = [_rung(s.name, [(1.0, s)], training) for s in ladder]
@@ -216,7 +219,11 @@ def run_benchmark(
 
 
 def _climbed(
-    found: Diagnosis, training: Sequence[Recording], benchmark: Benchmark, say: Callable[[str], None]
+    found: Diagnosis,
+    training: Sequence[Recording],
+    benchmark: Benchmark,
+    pool: Executor,
+    say: Callable[[str], None],
 ) -> tuple[list[Structure], list[Structure]]:
     """Return the ladder from the free drive to all findings, and the structures that are open around its end."""
     pieces = [piece_of(r) for r in training]
@@ -238,7 +245,7 @@ def _climbed(
         label = f"{name[0]}@{name[1]}"
         rungs = [Structure(label, tuple(effects), s).fitted(pieces, benchmark) for s in starts]
         ladder.append(min(rungs, key=lambda s: s.cost))
-    return ladder, open_structures(replace(ladder[-1], name="findings"), ties, pieces, benchmark, say)
+    return ladder, open_structures(replace(ladder[-1], name="findings"), ties, pieces, benchmark, pool, say)
 
 
 def _rung(name: str, members: Sequence[tuple[float, Structure]], training: Sequence[Recording]) -> Rung:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from math import isfinite
 
@@ -64,6 +65,7 @@ def open_structures(
     ties: Mapping[Named, Sequence[Named]],
     pieces: Sequence[Piece],
     benchmark: Benchmark,
+    pool: Executor,
     say: Callable[[str], None],
 ) -> list[Structure]:
     """Return the fitted structures that the data leave open, the findings' own first.
@@ -76,6 +78,8 @@ def open_structures(
         Finding to its look-alikes.
     pieces
         To fit to.
+    pool
+        Fits structures on its threads; the kernels release the interpreter.
     """
     tried: list[Structure] = []
     for effect in main.effects:
@@ -89,10 +93,8 @@ def open_structures(
         Structure(f"with {label(effect)}", (*main.effects, effect), _with(main.values, effect))
         for effect in _others(main, benchmark)
     ]
-    seen = []
-    for i, structure in enumerate(tried):
-        say(f"structures: {i + 1} of {len(tried)}, {structure.name}")
-        seen.append(structure.fitted(pieces, benchmark, evaluations=_GLANCE))
+    say(f"looking at {len(tried)} structures")
+    seen = list(pool.map(lambda s: s.fitted(pieces, benchmark, evaluations=_GLANCE), tried))
     kept = [s for s in seen if not s.name.startswith("with ") or s.cost < (1.0 - _GAIN) * main.cost]
     kept = sorted(kept, key=lambda s: s.cost)[:_MOST]
     say(f"fitting {len(kept)} structures")
@@ -100,7 +102,7 @@ def open_structures(
         Structure(h.name, h.effects, {**benchmark.topology.start, **h.start, **benchmark.topology.fixed})
         for h in benchmark.hypotheses
     ]
-    return [main, *(s.fitted(pieces, benchmark) for s in (*kept, *far))]
+    return [main, *pool.map(lambda s: s.fitted(pieces, benchmark), (*kept, *far))]
 
 
 def label(effect: Named) -> str:
