@@ -41,4 +41,4 @@ def test_a_fit_finds_the_carriage_that_made_the_record(tmp_path):
     values, _cost = fit(start, tuple(start), [piece], benchmark)
     assert values == pytest.approx(CARRIAGE, rel=0.02)
     error = piece.measured - simulated(values, started(values, piece, benchmark))
-    assert benchmark.score(error) < 0.05
+    assert benchmark.score(error) < 0.1
