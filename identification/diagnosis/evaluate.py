@@ -1,0 +1,139 @@
+"""Every candidate's gain in data and in null draws alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexdrive_gym.recording import FloatArray
+from identification.diagnosis.candidates.catalogue import Candidate
+from identification.diagnosis.candidates.free import Shape
+from identification.diagnosis.candidates.narrow_band import Line, lines
+from identification.diagnosis.candidates.phases import Phase
+from identification.diagnosis.linear import Entry, Linear
+from identification.diagnosis.score import leave_one_out_variance, trimmed
+
+Name = tuple[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class Best:
+    """The best of a name's entries in the first data set.
+
+    Attributes
+    ----------
+    candidate, columns
+        What it is, and its columns of the sensitivities.
+    gain : ndarray, shape (U,)
+        Per unit.
+    variance
+        Of random amplitudes; ``None`` where all recordings share one.
+    """
+
+    candidate: Candidate | Shape | Phase | Line
+    columns: tuple[int, ...]
+    gain: FloatArray
+    variance: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Gains of every name in several data sets.
+
+    Attributes
+    ----------
+    total, rest
+        Name to gains over all units, and over all but the one that gains most, ndarray, shape (data sets,): of its best entry.
+    best
+        Name to its best entry in the first data set.
+    """
+
+    total: dict[Name, FloatArray]
+    rest: dict[Name, FloatArray]
+    best: dict[Name, Best]
+
+    def take(self, entry: Best, gain: FloatArray) -> None:
+        """Keep the better one of a name's entries in every data set; ``gain`` has the shape (U, data sets)."""
+        name = entry.candidate.name
+        total, rest = gain.sum(axis=0), trimmed(gain.T)
+        if name not in self.total:
+            self.total[name], self.rest[name], self.best[name] = total, rest, entry
+            return
+        better = total > self.total[name]
+        if better[0]:
+            self.best[name] = entry
+        self.total[name] = np.where(better, total, self.total[name])
+        self.rest[name] = np.where(better, rest, self.rest[name])
+
+
+def evaluate(linear: Linear, residual: FloatArray) -> Table:
+    """Return every candidate's gain.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (N, data sets)
+        Whitened rows.
+    """
+    damping = linear.bench.settings.damping
+    g, square = linear.gradient(residual), linear.square(residual)
+    base, steps = _left_out(linear, linear.base, g, square, damping)
+    table = Table({}, {}, {})
+    for entry in linear.entries:
+        if not entry.random:
+            left, _ = _left_out(linear, [*linear.base, *entry.columns], g, square, damping)
+            gain = 0.5 * (base - left)
+            table.take(Best(entry.candidate, entry.columns, gain[:, 0]), gain)
+    rest = _others(linear, residual, steps)
+    random = [e for e in linear.entries if e.random]
+    for entry, (gain, variance) in zip(random, _random(linear, rest, random), strict=True):
+        table.take(Best(entry.candidate, entry.columns, gain[:, 0], variance), gain)
+    for line, gain in lines(linear.bench, rest):
+        table.take(Best(line, (), gain[:, 0]), gain)
+    return table
+
+
+def _left_out(
+    linear: Linear, columns: Sequence[int], g: FloatArray, square: FloatArray, damping: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return what the others' optimum leaves, shape (U, data sets), and the steps to it, shape (U, p, data sets)."""
+    use = list(columns)
+    H = linear.products[:, use][:, :, use]
+    own = g[:, use]
+    A = H.sum(axis=0) - H
+    d = np.sqrt(np.maximum(np.einsum("uii->ui", A), 1e-300))
+    scaled = A / (d[:, :, None] * d[:, None, :]) + damping * np.eye(len(use))
+    others = (own.sum(axis=0) - own) / d[..., None]
+    steps = -np.linalg.solve(scaled, others) / d[..., None]
+    return square + 2.0 * np.sum(steps * own, axis=1) + np.sum(steps * (H @ steps), axis=1), steps
+
+
+def _others(linear: Linear, residual: FloatArray, steps: FloatArray) -> FloatArray:
+    """Return the whitened rows that the base model fitted to the other units leaves, shape (N, data sets)."""
+    rest = residual.copy()
+    base = list(linear.base)
+    for rows, u in zip(linear.bench.rows, linear.bench.units, strict=True):
+        rest[rows] += linear.white[rows][:, base] @ steps[u]
+    return rest
+
+
+def _random(linear: Linear, rest: FloatArray, entries: Sequence[Entry]) -> list[tuple[FloatArray, float]]:
+    """Return the gains of effects whose amplitudes differ from run to run, and the variances of these."""
+    if not entries:
+        return []
+    bench, use = linear.bench, [c for e in entries for c in e.columns]
+    information, form = [], []
+    for rows in bench.rows:
+        S = linear.white[rows][:, use].reshape(-1, len(entries), 2)
+        H = np.einsum("npi,npj->pij", S, S)
+        g = np.tensordot(S, rest[rows], axes=(0, 0))
+        # turned until sine and cosine do not correlate, and scaled to one information
+        square, turn = np.linalg.eigh(H)
+        own = np.sqrt(np.maximum(square.prod(axis=1), 0.0))
+        ratio = np.sqrt(own[:, None] / np.maximum(square, 1e-12 * square.max() + 1e-300))
+        turned = np.einsum("pij,pis->pjs", turn, g) * ratio[..., None]
+        information.append(own)
+        form.append(np.sum(turned**2, axis=1))
+    gain, variance = leave_one_out_variance(np.array(form), np.array(information), bench.units)
+    return [(gain[:, p], float(variance[p])) for p in range(len(entries))]
