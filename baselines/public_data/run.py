@@ -245,7 +245,7 @@ def _climbed(
         label = f"{name[0]}@{name[1]}"
         rungs = [Structure(label, tuple(effects), s).fitted(pieces, benchmark) for s in starts]
         ladder.append(min(rungs, key=lambda s: s.cost))
-    return ladder, open_structures(replace(ladder[-1], name="findings"), ties, pieces, benchmark, pool, say)
+    return ladder, open_structures(replace(ladder[-1], name="findings"), ties, training, benchmark, pool, say)
 
 
 def _rung(name: str, members: Sequence[tuple[float, Structure]], training: Sequence[Recording]) -> Rung:

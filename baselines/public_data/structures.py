@@ -7,18 +7,19 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from math import isfinite
 
-from baselines.public_data.benchmark import Benchmark
-from baselines.public_data.fitting import Piece, fit
+from baselines.public_data.benchmark import Benchmark, piece
+from baselines.public_data.fitting import Piece, fit, piece_of
 from flexdrive_gym.drive.effects import EFFECTS, LAYOUT, Where
 from flexdrive_gym.drive.parameters import parameter
+from flexdrive_gym.recording import Recording
 
 Named = tuple[str, Where]
 # belong to every topology, or to the counts of the encoder
 _BASE = frozenset({"viscous_friction", "spring", "encoder_quantisation"})
 # so many structures besides the findings are averaged, at most, and with one effect more a fit must gain such a share
 _MOST, _GAIN = 8, 0.005
-# a glance at an effect takes so many steps
-_GLANCE = 8
+# a glance at an effect takes so many steps, and sees so many samples of a recording
+_GLANCE, _SAMPLES = 8, 25_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +64,7 @@ def keys_of(effect: Named) -> tuple[str, ...]:
 def open_structures(
     main: Structure,
     ties: Mapping[Named, Sequence[Named]],
-    pieces: Sequence[Piece],
+    recordings: Sequence[Recording],
     benchmark: Benchmark,
     pool: Executor,
     say: Callable[[str], None],
@@ -76,8 +77,8 @@ def open_structures(
         All findings, fitted.
     ties
         Finding to its look-alikes.
-    pieces
-        To fit to.
+    recordings
+        To fit to; a glance sees the first part of long ones.
     pool
         Fits structures on its threads; the kernels release the interpreter.
     """
@@ -94,8 +95,10 @@ def open_structures(
         for effect in _others(main, benchmark)
     ]
     say(f"looking at {len(tried)} structures")
-    seen = list(pool.map(lambda s: s.fitted(pieces, benchmark, evaluations=_GLANCE), tried))
-    kept = [s for s in seen if not s.name.startswith("with ") or s.cost < (1.0 - _GAIN) * main.cost]
+    pieces = [piece_of(r) for r in recordings]
+    parts = [piece_of(piece(r, 0, min(r.n, _SAMPLES), r.name)) for r in recordings]
+    usual, *seen = pool.map(lambda s: s.fitted(parts, benchmark, evaluations=_GLANCE), (main, *tried))
+    kept = [s for s in seen if not s.name.startswith("with ") or s.cost < (1.0 - _GAIN) * usual.cost]
     kept = sorted(kept, key=lambda s: s.cost)[:_MOST]
     say(f"fitting {len(kept)} structures")
     far = [
