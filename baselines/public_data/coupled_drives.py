@@ -12,10 +12,13 @@ import re
 from dataclasses import replace
 
 from baselines.public_data.benchmark import Benchmark, Hypothesis, Published, Rule
+from flexdrive_gym.drive.effects import Where
 from flexdrive_gym.recording import Recording
 from identification.recordings import Rig
 from identification.recordings.rig import Unit
 from identification.topology import Topology
+
+Effects = tuple[tuple[str, Where], ...]
 
 # one tick per second as 100 mm/s
 RIG = Rig(
@@ -39,9 +42,9 @@ def column_of(recording: Recording) -> int:
 # The residuals of a straight counter behind a slow filter oscillate twice as fast as the belt wherever the speed goes through
 # zero, so the filter must be faster (12 Hz by the documentation) and something else slow: the motors, which follow their command
 # in 0.15 s. The steady speed grows almost with the square of the command: friction that saturates, or a counter that is bent.
-_COUNTER = (("rectified_sensor", "encoder_2"), ("velocity_processing", "encoder_2"))
-_SLOW = (*_COUNTER, ("amplifier_lag", "actuator"), ("saturating_friction", "cart_1"))
-_BENT = ("counter_curvature", "encoder_2")
+_COUNTER: Effects = (("rectified_sensor", "encoder_2"), ("velocity_processing", "encoder_2"))
+_SLOW: Effects = (*_COUNTER, ("amplifier_lag", "actuator"), ("saturating_friction", "cart_1"))
+_BENT: tuple[str, Where] = ("counter_curvature", "encoder_2")
 _START = {
     "rectified_sensor.encoder_2.share": 1.0,
     "amplifier_lag.tau": 0.15,

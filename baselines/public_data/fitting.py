@@ -118,7 +118,7 @@ def fit(
             begin,
             bounds=(space.low, space.high),
             x_scale=1.0,
-            diff_step=1e-4,
+            diff_step=np.full(len(keys), 1e-4),
             max_nfev=evaluations,
             ftol=1e-6,
             xtol=1e-6,
@@ -148,7 +148,7 @@ class _Space:
         with np.errstate(divide="ignore", invalid="ignore"):
             z = np.where(self.log, np.log(np.maximum(x, 1e-12)), x / self.scale)
         margin = 1e-6
-        return np.clip(z, self.low + margin, self.high - margin)
+        return np.asarray(np.clip(z, self.low + margin, self.high - margin))
 
     def drive(self, z: FloatArray) -> dict[str, float]:
         """Return the drive at coordinates."""

@@ -40,9 +40,11 @@ def levels(values: Values, recordings: Sequence[Recording], benchmark: Benchmark
 
 def _level(values: Values, p: Piece, benchmark: Benchmark) -> FloatArray:
     scale = np.array([0.01, 0.01 * float(np.std(p.run.u))])
-    found = least_squares(
-        lambda z: residual(changed(values, scale * z), p, benchmark), np.zeros(2), diff_step=1e-2, max_nfev=12
-    )
+
+    def errors(z: FloatArray) -> FloatArray:
+        return residual(changed(values, scale * z), p, benchmark)
+
+    found = least_squares(errors, np.zeros(2), diff_step=np.full(2, 1e-2), max_nfev=12)
     return np.asarray(scale * found.x)
 
 
