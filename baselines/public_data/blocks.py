@@ -22,7 +22,7 @@ from baselines.public_data.structures import Structure
 from flexdrive_gym.recording import FloatArray, Recording
 
 # weight of the demand that weights sum to 1, and of the pull towards equal ones, in squared errors of the blocks
-_SUM, _EQUAL = 1e3, 0.1
+_SUM, _EQUAL = 1e3, 1.0
 # steps of a fit that begins where all blocks ended
 _STEPS = 15
 
