@@ -44,9 +44,9 @@ def column_of(recording: Recording) -> int:
 # in 0.15 s. The steady speed grows almost with the square of the command: friction that saturates, or a counter that is bent.
 _COUNTER: Effects = (("rectified_sensor", "encoder_2"), ("velocity_processing", "encoder_2"))
 _SLOW: Effects = (*_COUNTER, ("amplifier_lag", "actuator"), ("saturating_friction", "cart_1"))
-_BENT: tuple[str, Where] = ("counter_curvature", "encoder_2")
 _START = {
     "rectified_sensor.encoder_2.share": 1.0,
+    "rectified_sensor.encoder_2.e": 0.2,
     "amplifier_lag.tau": 0.15,
     "velocity_processing.encoder_2.cutoff": 12.0,
     "saturating_friction.cart_1.d": 1.3,
@@ -59,17 +59,12 @@ _START = {
 HYPOTHESES = (
     Hypothesis("slow motors, saturating friction", _SLOW, _START),
     Hypothesis(
-        "slow motors, saturating friction, bent counter",
-        (*_SLOW, _BENT),
-        {**_START, "counter_curvature.encoder_2.e": 0.2},
-    ),
-    Hypothesis(
         "bent counter and dry friction",
-        (*_COUNTER, _BENT, ("coulomb_friction", "cart_1")),
+        (*_COUNTER, ("coulomb_friction", "cart_1")),
         {
             "rectified_sensor.encoder_2.share": 1.0,
             "velocity_processing.encoder_2.cutoff": 4.6,
-            "counter_curvature.encoder_2.e": 0.75,
+            "rectified_sensor.encoder_2.e": 0.75,
             "d1": 0.3,
             "m1": 1e-3,
             "m2": 1.3e-3,

@@ -29,7 +29,7 @@ SENSORS = [
     {"encoder_eccentricity.a_sin": 0.3, "encoder_eccentricity.P": 15.0},
     {"encoder_delay.encoder_1.tau": 0.0024},
     {"rectified_sensor.encoder_1.share": 1.0},
-    {"counter_curvature.encoder_1.e": 0.2},
+    {"rectified_sensor.encoder_1.share": 1.0, "rectified_sensor.encoder_1.e": 0.2},
 ]
 
 
@@ -99,7 +99,7 @@ def test_pulse_counters_lose_the_sign():
 
 def test_a_bent_counter_shows_a_power_of_the_speed():
     plain, _states = replay(RIG, U)
-    bent, _states = replay({**RIG, "counter_curvature.encoder_1.e": 0.2, "rectified_sensor.encoder_1.share": 1.0}, U)
+    bent, _states = replay({**RIG, "rectified_sensor.encoder_1.share": 1.0, "rectified_sensor.encoder_1.e": 0.2}, U)
     assert np.allclose(bent[2], 100.0 * (np.abs(plain[2]) / 100.0) ** 1.2, atol=1e-5)
     assert np.allclose(bent[3], plain[3], atol=1e-6)
 
