@@ -21,7 +21,7 @@ CATALOGUE = {
     "coupling_backlash", "coil_bind", "spring_damping", "spring_hysteresis", "dead_zone", "saturation", "input_delay",
     "amplifier_lag", "gain_asymmetry", "input_offset", "cogging", "motor_gear_backlash", "gain_drift", "tilt",
     "ground_spring", "encoder_scale", "encoder_delay", "encoder_eccentricity", "encoder_play", "extra_mode",
-    "rectified_sensor", "base_recoil",
+    "rectified_sensor", "base_recoil", "saturating_friction",
 }  # fmt: skip
 
 

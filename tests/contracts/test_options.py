@@ -51,7 +51,7 @@ def parsed(command, option, value, place):
     needed = {"DRIVE": "drive.toml", "DRIVE...": "drive.toml", "RECORDINGS...": "run.csv", "FOLDER...": "."}
     arguments = [str(place / needed[p.metavar]) if p.metavar != "NAME" else "emps" for p in COMMANDS[command].params
                  if p.param_type_name == "argument" and p.required]  # fmt: skip
-    if command == "benchmark":
+    if command in {"benchmark", "rigs"}:
         arguments += ["--data", str(place)]
     if command == "export":
         arguments += ["--to", "matlab"]

@@ -39,6 +39,11 @@ CASES = {
         {"level_1": lambda _t, y, _s, _fs: D1 + 0.1 * np.exp(-((y[1] / 30.0) ** 2))},
         1e-6,
     ),
+    "saturating friction": (
+        {"saturating_friction.cart_1.d": 0.3, "saturating_friction.cart_1.v0": 60.0},
+        {"on_1": lambda _t, y, _s: -0.3 * np.tanh(y[1] / 60.0)},
+        1e-5,
+    ),
     "breakaway": ({"breakaway.cart_2.extra": 0.1}, {"extra_2": 0.1}, 1e-6),
     "asymmetries and drag": (
         {

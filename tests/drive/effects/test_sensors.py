@@ -29,6 +29,7 @@ SENSORS = [
     {"encoder_eccentricity.a_sin": 0.3, "encoder_eccentricity.P": 15.0},
     {"encoder_delay.encoder_1.tau": 0.0024},
     {"rectified_sensor.encoder_1.share": 1.0},
+    {"rectified_sensor.encoder_1.share": 1.0, "rectified_sensor.encoder_1.e": 0.2},
 ]
 
 
@@ -94,6 +95,13 @@ def test_pulse_counters_lose_the_sign():
     for rate in np.abs(plain[2, 1:]):
         expected.append(a * expected[-1] + (1 - a) * rate)
     assert np.allclose(filtered[2], expected, atol=1e-6)
+
+
+def test_a_bent_counter_shows_a_power_of_the_speed():
+    plain, _states = replay(RIG, U)
+    bent, _states = replay({**RIG, "rectified_sensor.encoder_1.share": 1.0, "rectified_sensor.encoder_1.e": 0.2}, U)
+    assert np.allclose(bent[2], 100.0 * (np.abs(plain[2]) / 100.0) ** 1.2, atol=1e-5)
+    assert np.allclose(bent[3], plain[3], atol=1e-6)
 
 
 def test_a_drive_started_again_has_forgotten():
