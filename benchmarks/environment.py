@@ -10,7 +10,6 @@ import numpy as np
 
 import flexdrive_gym  # noqa: F401  (registers the environments)
 from benchmarks.speed import interleaved
-from flexdrive_gym.fleet import OUTPUTS
 
 ID = "FlexDrive-NonCollocated-v0"
 SINGLE_STEPS, SAMPLES = 20_000, 16
@@ -79,13 +78,13 @@ def budget(n: int = 16384) -> None:
 
     def kernel(env: gymnasium.vector.VectorEnv, action: np.ndarray) -> None:
         env.fleet.actions[:] = action[:, 0]
-        env.fleet.kernel(env.fleet.outputs.addresses[0], env.fleet.z)
+        env.fleet.kernel(env.fleet.addresses[0], env.fleet.z, *env.fleet.outputs)
 
     # driven one way for 0.3 s all carts slide on without an event
     steady = np.full((n, 1), 0.6, dtype=np.float32)
     arrays, out = envs[0].fleet.arrays, envs[0].fleet.outputs
     traffic = 2 * (arrays["state"].nbytes + arrays["clock"].nbytes) + arrays["actions"].nbytes + arrays["begin"].nbytes
-    traffic += sum(getattr(out, name).nbytes for name in OUTPUTS)
+    traffic += sum(array.nbytes for array in out)
     block = np.zeros(traffic // 16)
     jobs = {
         "step": stepping(envs[0]),
@@ -133,7 +132,7 @@ def footprint() -> None:
     env = _batched(ID, 1000, randomise={"m1": (6e-4, 9e-4)})
     fleet = env.unwrapped.fleet
     used = sum(array.nbytes for name, array in fleet.arrays.items() if name != "lookup")
-    used += sum(getattr(fleet.outputs, name).nbytes for name in OUTPUTS)
+    used += sum(array.nbytes for array in fleet.outputs)
     print(f"memory: {used / 1000:.0f} bytes per drive of a randomised batch (aim 1 kB)")
 
 

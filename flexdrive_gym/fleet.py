@@ -6,8 +6,7 @@ from collections import deque
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from math import ceil, isfinite, sqrt
-from sys import getrefcount
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -27,47 +26,26 @@ INFO = ("x1", "v1", "x2", "v2", "read_x1", "read_x2", "read_v1", "read_v2", "u",
 TERMS = ("tracking", "effort", "rate", "failure")
 # rows of the state in the order of INFO and TERMS
 KEYS = (*INFO, *(f"reward_{name}" for name in TERMS))
-OUTPUTS = ("observation", "reward", "terminated", "truncated")
-MOST_SPARE = 4
 # what a fleet's future depends on, beside its task
 KEPT = ("actions", "state", "clock", "seeds", "p", "begin", "memory", "tables", "lanes", "told", "line")
 
 
-class Outputs:
-    """What one step writes, and the blocks (one per share of the work) that send the kernels there.
+class Outputs(NamedTuple):
+    """What one step returns.
 
     Attributes
     ----------
     observation, reward, terminated, truncated : ndarray, shapes (n, entries), (n,), (n,), (n,)
-        The observation's shape may be (entries,) for a fleet of one.
-    record : ndarray, shape (keys,)
-        Of a fleet of one: all that is known after a step, in the order of :data:`KEYS`.
     """
 
-    __slots__ = ("addresses", "blocks", "ended", "observation", "record", "reward", "terminated", "truncated")
+    observation: npt.NDArray[np.float32]
+    reward: FloatArray
+    terminated: BoolArray
+    truncated: BoolArray
 
-    def __init__(self, shape: tuple[int, ...], n: int, parts: list[npt.NDArray[np.int64]]) -> None:
-        # of the shape that is handed out: a view would not be told when a view of it is made
-        self.observation = np.zeros(shape, dtype=np.float32)
-        self.reward, self.record = np.zeros(n), np.zeros(len(KEYS))
-        self.terminated, self.truncated = np.zeros(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
-        self.blocks = [block.copy() for block in parts]
-        for name in (*OUTPUTS, "record"):
-            address = getattr(self, name).ctypes.data
-            for block in self.blocks:
-                block[layout.PLACE[name]] = address
-        self.addresses = [block.ctypes.data for block in self.blocks]
-        # memoryviews read single numbers in a third of the time that array indexing takes
-        self.ended: list[Any] = [memoryview(block[layout.ENDED :]) for block in self.blocks]  # type: ignore[arg-type]
-
-    def references(self) -> int:
-        """Return how often the arrays are referred to, by whoever got them and their views included."""
-        return (
-            getrefcount(self.observation)
-            + getrefcount(self.reward)
-            + getrefcount(self.terminated)
-            + getrefcount(self.truncated)
-        )
+    def copied(self) -> Outputs:
+        """Return the same in arrays of its own."""
+        return Outputs(self.observation.copy(), self.reward.copy(), self.terminated.copy(), self.truncated.copy())
 
 
 class Fleet:
@@ -90,8 +68,13 @@ class Fleet:
     actions : ndarray, shape (n,)
         To be set before :meth:`step`.
     outputs : Outputs
-        Observation, reward and the flags that the last :meth:`step` or :meth:`reset` wrote. A step never writes into
-        arrays that somebody still refers to.
+        What the last :meth:`step` made, and :meth:`reset` wrote into. Every step makes arrays of its own.
+    record : ndarray, shape (keys,)
+        Of a fleet of one: all that is known after a step, in the order of :data:`KEYS`.
+    addresses : list of int
+        Of the blocks that send the kernels to their arrays, one per share of the work.
+    told_of_ends : list of memoryview
+        Per share of the work, how many episodes ended in the last step, as the kernels tell it.
     ended : int
         How many episodes ended in the last step.
     """
@@ -99,77 +82,37 @@ class Fleet:
     def __init__(self, task: Task, n: int, threads: int = 1, *, tells: bool = True) -> None:
         self.task, self.n = task, n
         drawn, rig, entries = task.randomisation, task.rig, task.names()
-        models = n if drawn.names else 1
         full = parameters.workspace(rig.values) is not None or any(not _is_base(name) for name in drawn.names)
         delayed = rig["input_delay.tau"] > 0.0 or "input_delay.tau" in drawn.names
         self.one_by_one = full or delayed
         limits = np.array([b for _name, _unit, b in entries])
-        self.actions = np.zeros(n)
-        strips = ceil(n / layout.LANES)
-        self._state = np.zeros((strips, layout.STATE_ROWS, layout.ROW))
-        self._told = np.zeros((strips, layout.TOLD_ROWS, layout.ROW))
-        self.clock = np.zeros(n, dtype=np.int64)
-        self.seeds = np.zeros(n, dtype=np.uint64)
-        vector = rig.vector()
-        self.p = np.tile(vector if full else vector[:N_BASE_PARAMETERS], (models, 1))
-        self.z = np.zeros((n, WORKSPACE)) if full else None
         self.bound = (np.ones(len(entries)) if task.normalise else limits).astype(np.float32)
-        scale = 1.0 / limits if task.normalise else np.ones(len(entries))
-        # the space's bounds are single precision: clip to what they are
-        bound = self.bound.astype(np.float64)
-        alone = n if self.one_by_one else 0
-        self.arrays: dict[str, npt.NDArray[Any]] = {
-            "actions": self.actions,
-            "task": _constants(task),
-            "state": self._state,
-            "told": self._told,
-            "clock": self.clock,
-            "begin": np.zeros(n, dtype=np.int64),
-            "seeds": self.seeds,
-            "p": self.p,
-            "lanes": np.zeros((strips if drawn.names else 1, layout.PARAMETER_ROWS, layout.ROW)),
-            "tables": np.zeros((min(alone, models), lanes.TABLE_COLUMNS)),
-            "memory": np.zeros((alone, MEMORY)),
-            "lookup": _lookup(task, scale, bound),
-            "scale": scale,
-            "bound": bound,
-            "nominal": np.array([rig[name] for name in drawn.names]),
-            "which": np.array([parameters.index(name) for name in drawn.names], dtype=np.int64),
-            "inverse": np.array([name in parameters.MASS_PARAMETERS for name in drawn.names], dtype=np.int64),
-            "lowest": drawn.low,
-            "highest": drawn.high,
-            "factor": drawn.factor,
-            "line": np.zeros((n, task.late, 4)),
-        }
-        number, short = leaps(task)
-        sizes = {
-            layout.DRIVES: n,
-            layout.SENSING: SENSINGS[task.sensing],
-            layout.SUBSTEPS: task.substeps,
-            layout.LEAPS: number,
-            layout.SHORT: int(short),
-            layout.ENTRIES: len(entries),
-            layout.PREVIEWS: len(task.ahead),
-            layout.SAMPLES: self.arrays["lookup"].shape[1],
-            layout.REFERENCES: task.references.shape[0],
-            layout.ONE_BY_ONE: int(self.one_by_one),
-            layout.DRAWN: len(drawn.names),
-            layout.JOINT: int(drawn.factor.size > 0),
-            layout.LATE: task.late,
-            layout.TELLS: int(tells),
-        }
+        self.z = np.zeros((n, WORKSPACE)) if full else None
+        self.arrays = self._arrays(full, 1.0 / limits if task.normalise else np.ones(len(entries)))
+        self.actions, self.clock, self.seeds, self.p, self.record, self._state, self._told = (
+            self.arrays[name] for name in ("actions", "clock", "seeds", "p", "record", "state", "told")
+        )
+        sizes = self._sizes(tells=tells)
         self._everyone = np.arange(n)
         useful = max(1, min(threads, n // LEAST_PER_THREAD))
-        self._parts, self._work = self._divide(sizes, useful * SHARES if useful > 1 else 1)
+        self._blocks, self._work = self._divide(sizes, useful * SHARES if useful > 1 else 1)
         self._helpers = useful - 1
         self._pool = ThreadPoolExecutor(self._helpers) if self._helpers else None
         self.ended = 0
-        self.outputs = self.new_outputs()
-        for address in self.outputs.addresses:
+        self.addresses: list[int] = [block.ctypes.data for block in self._blocks]
+        # memoryviews read single numbers in a third of the time that array indexing takes
+        views: list[Any] = [memoryview(block[layout.ENDED :]) for block in self._blocks]  # type: ignore[arg-type]
+        self.told_of_ends = views
+        self._shape = (n, len(self.bound))
+        self.outputs = self._fresh()
+        for array in self.outputs:
+            array.fill(0)
+        for block in self._blocks:
+            for name, array in self.outputs._asdict().items():
+                block[layout.PLACE[name]] = array.ctypes.data
+        for address in self.addresses:
             kernels.prepare_fleet(address)
-        self._unreferenced = self.outputs.references()
-        self._spare = [self.outputs]
-        self.kernel = entry(kernels.step_single if n == 1 else kernels.step_fleet, 0, self.z)
+        self.kernel = entry(kernels.step_fleet, 0, self.z, *self.outputs)
 
     def seed(self, seeds: npt.ArrayLike, mask: BoolArray | None = None) -> None:
         """Give every (masked) drive a random stream of its own; ``seeds`` are integers, shape (n,)."""
@@ -184,21 +127,22 @@ class Fleet:
         begin = np.array(start, dtype=np.float64)
         if begin.shape != (4,) or not np.all(np.isfinite(begin)):
             raise ValueError(f"state: must be four finite numbers x1, v1, x2, v2; got {start!r}.")
-        for address in self.outputs.addresses:
-            kernels.reset_fleet(address, self._everyone if which is None else which, begin, self.z)
+        chosen = self._everyone if which is None else which
+        for address in self.addresses:
+            kernels.reset_fleet(address, chosen, begin, self.z, *self.outputs)
 
     def step(self) -> Outputs:
-        """Advance all drives by one control period under ``actions``; return :attr:`outputs`, others than before.
+        """Advance all drives by one control period under ``actions``; return :attr:`outputs`, new ones.
 
         Raises
         ------
         ValueError
             If an action is no finite number; no drive was advanced then.
         """
-        out = self._unused()
+        out = self._fresh()
         if self._pool is None:
-            self.kernel(out.addresses[0], self.z)
-            self.ended = out.ended[0][0]
+            self.kernel(self.addresses[0], self.z, *out)
+            self.ended = self.told_of_ends[0][0]
             if self.ended < 0:
                 self.refuse()
             self.outputs = out
@@ -208,14 +152,21 @@ class Fleet:
             self.refuse()
         self.outputs = out
         # every thread takes shares until none is left, so that one that is late or never scheduled costs little
-        shares = deque(out.addresses)
+        shares = deque(self.addresses)
         jobs = [self._pool.submit(self._take, shares) for _ in range(self._helpers)]
         self._take(shares)
         for job in jobs:
             if not job.cancel():
                 job.result()
-        self.ended = sum(view[0] for view in out.ended)
+        self.ended = sum(view[0] for view in self.told_of_ends)
         return out
+
+    def _fresh(self) -> Outputs:
+        """Return arrays for one step; whoever gets them may keep them, so none is ever written again."""
+        # memory that was just given back comes first, so a caller that keeps nothing stays within the processor's cache
+        return Outputs(
+            np.empty(self._shape, np.float32), np.empty(self.n), np.empty(self.n, np.bool_), np.empty(self.n, np.bool_)
+        )
 
     def refuse(self) -> None:
         """Raise what says which action is no finite number."""
@@ -241,13 +192,11 @@ class Fleet:
                 address = shares.popleft()
             except IndexError:
                 return  # another thread was faster
-            self.kernel(address, self.z)
+            self.kernel(address, self.z, *self.outputs)
 
     def renew(self) -> None:
-        """Go on in arrays that nobody refers to, with the same contents."""
-        old, self.outputs = self.outputs, self._unused()
-        for name in OUTPUTS:
-            getattr(self.outputs, name)[...] = getattr(old, name)
+        """Go on in arrays that nobody else has, with the same contents."""
+        self.outputs = self.outputs.copied()
 
     def state(self) -> dict[str, FloatArray]:
         """Return what is known of the drives: :data:`KEYS` to arrays, shape (n,)."""
@@ -268,20 +217,57 @@ class Fleet:
         if self.z is not None:
             self.z[...] = kept["z"]
 
-    def new_outputs(self, *, flat: bool = False) -> Outputs:
-        """Return outputs of this fleet that were never used; ``flat``: of a fleet of one, without its axis."""
-        entries = len(self.bound)
-        return Outputs((entries,) if flat else (self.n, entries), self.n, self._parts)
+    def _arrays(self, full: bool, scale: FloatArray) -> dict[str, npt.NDArray[Any]]:
+        """Return what the kernels read and write, beside outputs and work spaces, by the names of the layout."""
+        task, n, drawn, rig = self.task, self.n, self.task.randomisation, self.task.rig
+        models, strips, alone = n if drawn.names else 1, ceil(n / layout.LANES), n if self.one_by_one else 0
+        # the space's bounds are single precision: clip to what they are
+        bound, vector = self.bound.astype(np.float64), rig.vector()
+        return {
+            "actions": np.zeros(n),
+            "task": _constants(task),
+            "state": np.zeros((strips, layout.STATE_ROWS, layout.ROW)),
+            "told": np.zeros((strips, layout.TOLD_ROWS, layout.ROW)),
+            "clock": np.zeros(n, dtype=np.int64),
+            "begin": np.zeros(n, dtype=np.int64),
+            "seeds": np.zeros(n, dtype=np.uint64),
+            "p": np.tile(vector if full else vector[:N_BASE_PARAMETERS], (models, 1)),
+            "lanes": np.zeros((strips if drawn.names else 1, layout.PARAMETER_ROWS, layout.ROW)),
+            "tables": np.zeros((min(alone, models), lanes.TABLE_COLUMNS)),
+            "memory": np.zeros((alone, MEMORY)),
+            "lookup": _lookup(task, scale, bound),
+            "scale": scale,
+            "bound": bound,
+            "nominal": np.array([rig[name] for name in drawn.names]),
+            "which": np.array([parameters.index(name) for name in drawn.names], dtype=np.int64),
+            "inverse": np.array([name in parameters.MASS_PARAMETERS for name in drawn.names], dtype=np.int64),
+            "lowest": drawn.low,
+            "highest": drawn.high,
+            "factor": drawn.factor,
+            "line": np.zeros((n, task.late, 4)),
+            "record": np.zeros(len(KEYS)),
+        }
 
-    def _unused(self) -> Outputs:
-        """Return outputs that nobody refers to: used ones if they were dropped, else new ones."""
-        for out in self._spare:
-            if out.references() == self._unreferenced:
-                return out
-        fresh = self.new_outputs()
-        # whoever keeps what it gets will not give it back: forget the oldest
-        self._spare = [fresh, *self._spare[: MOST_SPARE - 1]]
-        return fresh
+    def _sizes(self, *, tells: bool) -> dict[int, int]:
+        """Return the block's entries that all shares of the work have in common."""
+        task, drawn = self.task, self.task.randomisation
+        number, short = leaps(task)
+        return {
+            layout.DRIVES: self.n,
+            layout.SENSING: SENSINGS[task.sensing],
+            layout.SUBSTEPS: task.substeps,
+            layout.LEAPS: number,
+            layout.SHORT: int(short),
+            layout.ENTRIES: len(self.bound),
+            layout.PREVIEWS: len(task.ahead),
+            layout.SAMPLES: self.arrays["lookup"].shape[1],
+            layout.REFERENCES: task.references.shape[0],
+            layout.ONE_BY_ONE: int(self.one_by_one),
+            layout.DRAWN: len(drawn.names),
+            layout.JOINT: int(drawn.factor.size > 0),
+            layout.LATE: task.late,
+            layout.TELLS: int(tells),
+        }
 
     def _divide(self, sizes: dict[int, int], parts: int) -> tuple[list[npt.NDArray[np.int64]], list[Any]]:
         """Return a block per share of the work, and the work spaces that belong to them."""

@@ -88,7 +88,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Trained:
-    """What a training found: the best agent, and (steps, seconds, rms error on references kept away [mm]) along the way."""
+    """What a training found: the best agent, and (steps, seconds, rms error on references held out [mm]) along the way."""
 
     agent: Agent
     curve: tuple[tuple[int, float, float], ...]
@@ -156,7 +156,7 @@ def train(
     resume
         Go on from the folder's checkpoint. The plan may ask for more steps than it did; all else must be the same.
     tell
-        Told the steps done and the last error on references kept away [mm].
+        Told the steps done and the last error on references held out [mm].
 
     Raises
     ------

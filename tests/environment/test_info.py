@@ -6,9 +6,9 @@ import pickle
 
 import gymnasium
 import numpy as np
-import pytest
 
 from flexdrive_gym.fleet import KEYS
+from tests.each import each
 
 ID = "FlexDrive-NonCollocated-v0"
 
@@ -52,7 +52,7 @@ def trace(steps=8):
     return infos, expected
 
 
-@pytest.mark.parametrize("way", WAYS)
+@each("way", WAYS)
 def test_every_way_of_reading_sees_all(way):
     infos, expected = trace(3)
     found = [WAYS[way](info) for info in infos]
