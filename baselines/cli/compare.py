@@ -109,6 +109,9 @@ def compare(
         ),
     ] = -1,
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, tcp://HOST:PORT.")] = None,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Print every controller with all measures, not the eight that matter most.")
+    ] = False,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -144,7 +147,7 @@ def compare(
         print_json(each[next(iter(each))] if len(each) == 1 else {"drives": each, "pages": both})
         return
     for f in found.values():
-        _print(f.result, f.summaries, f.improvements)
+        _print(f.result, f.summaries, f.improvements, everything=everything)
         for remark in f.remarks:
             say(f"note: {remark}")
     if len(found) > 1:
@@ -286,8 +289,26 @@ def _as_json(result: Comparison) -> dict[str, object]:
     }
 
 
-def _print(result: Comparison, summaries: Sequence[Summary], improvements: Sequence[Improvement]) -> None:
-    from baselines.compare import headline, learnt_verdicts  # noqa: PLC0415
+def _print(
+    result: Comparison, summaries: Sequence[Summary], improvements: Sequence[Improvement], *, everything: bool
+) -> None:
+    from baselines.compare import headline, learnt_verdicts, shortlist  # noqa: PLC0415
+    from baselines.compare.tables import overview_table  # noqa: PLC0415
+
+    chosen = shortlist(result)
+    overview = overview_table(result, chosen)
+    table(overview.title, overview.columns, overview.rows)
+    for sentence in [*headline(result), *learnt_verdicts(result, summaries, improvements)]:
+        say(sentence)
+    if everything:
+        _print_all(result, summaries)
+        return
+    more = len(result.results) - len(chosen)
+    rest = f"{more} more controllers, all" if more else "All"
+    say(f"{rest} margins and robustness: --all prints them, compare.html (-o DIR) and --json have them.")
+
+
+def _print_all(result: Comparison, summaries: Sequence[Summary]) -> None:
     from baselines.compare.tables import BY_TRIAL, LINEAR, WITH_FRICTION, tables  # noqa: PLC0415
 
     for found in tables(result):
@@ -299,18 +320,10 @@ def _print(result: Comparison, summaries: Sequence[Summary], improvements: Seque
             "rms e along each reference [mm]: interquartile means, and 95 % intervals over training seeds and drives",
             ["group", "seeds", "handout", "failures", *result.references],
             [
-                [
-                    s.name,
-                    str(s.seeds),
-                    str(s.rms),
-                    s.failures.percent,
-                    *(str(s.unseen[name]) for name in result.references),
-                ]
+                [s.name, str(s.seeds), str(s.rms), s.failures.percent, *(str(s.unseen[n]) for n in result.references)]
                 for s in summaries
             ],
         )
-    for sentence in [*headline(result), *learnt_verdicts(result, summaries, improvements)]:
-        say(sentence)
     for r in result.results:
         for note in r.entry.notes:
             say(f"note: {r.entry.name}: {note}")

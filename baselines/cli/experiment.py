@@ -25,7 +25,7 @@ def experiment(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Run the in-lab day 2.1-2.6 on the simulated rig; write recordings in the rig's format."""
+    """Run the in-lab session 2.1-2.6 on the simulated rig; write recordings in the rig's format."""
     from baselines.lab.experiments import FREQUENCIES_HZ, SQUARES_V, lab_day  # noqa: PLC0415
     from flexdrive_gym import load_drive  # noqa: PLC0415
     from flexdrive_gym.files import only_writer  # noqa: PLC0415

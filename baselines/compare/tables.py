@@ -75,6 +75,22 @@ def doing(bounded: bool, swing: float | None) -> str:
 LEAST_SWING_MM = 0.1
 
 
+def overview_table(found: Comparison, results: Sequence[Result]) -> Table:
+    """Return what matters most of some controllers in a few columns, no wider than 80 characters."""
+    return Table(
+        f"on “{found.drive.name}”, simulated, ±{min(found.limit, found.drive.voltage_limit):g} V",
+        ("controller", "reads", "rms e [mm]", "peak [mm]", "settles", "vibration [V mm]", "GM linear", "GM with friction",
+         "settles, draws"),
+        tuple(
+            (r.entry.name, r.entry.feedback, figure(m.rms, 3), figure(m.peak, 3), "yes" if m.success else "no",
+             figure(m.vibration, 2), figure(None if r.margins is None else r.margins.gain_margin, 3),
+             figure(None if r.on_rig is None else r.on_rig.gain_margin, 3),
+             "–" if r.draws is None else f"{r.draws.value:.0%}")
+            for r in results for m in [r.nominal]
+        ),
+    )  # fmt: skip
+
+
 def tracking_table(found: Comparison) -> Table:
     """Return the measures along the handout's trajectory on the identified drive."""
     return Table(
