@@ -27,7 +27,7 @@ lab: $(READY)
 	$(BIN)/flexdrive lab $(RECORDINGS)
 
 test: $(READY)
-	$(BIN)/python -m pytest -m 'not slow' -n auto --dist loadfile
+	$(BIN)/python -m pytest -m 'not slow and not docs' -n auto --dist loadfile
 
 # damaged recordings and rig descriptions, seeded; RUNS=100000 for more
 fuzz: $(READY)
