@@ -61,6 +61,7 @@ def frame_of(task: Task, clock: int, now: Mapping[str, float], title: str) -> Fr
         travel_limit=task.travel_limit,
         voltage_limit=task.voltage,
         title=title,
+        units=task.rig.units,
     )
 
 

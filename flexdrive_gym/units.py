@@ -5,17 +5,25 @@ seconds. A rig that is measured in radians and newton metres is brought to that 
 of the engine's millimetres in one unit of length, :math:`U` of its volts in one of command and :math:`T` of its seconds in one
 second, every equation keeps its form, and a figure of dimension :math:`V^a\,mm^b\,s^c` is divided by :math:`U^a L^b T^c` on
 the way back. Recordings and drives hold the engine's numbers and their units; whatever is printed goes through
-:meth:`Units.of_rig`.
+:meth:`Units.of_rig`. Results declare the unit of a field where the field is declared (:func:`measured_in`), and
+:func:`in_rig_units` turns a whole result.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any, TypeVar
+
+import numpy as np
 
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 _FACTOR = re.compile(r"^(mm|Hz|V|s)([⁰¹²³⁴⁵⁶⁷⁸⁹⁻]*)$")
 _TOKEN = re.compile(r"(?<![A-Za-z])(mm|V)(?![A-Za-z])")
+_BRACKETS = re.compile(r"\[[^\[\]]*\]")
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -41,20 +49,13 @@ class Units:
         """Whether these are the lab's own units, so that figures need no conversion."""
         return self == LAB
 
-    @property
-    def scale(self) -> str:
-        """Say which scale a rig is simulated on, where figures are told on it; empty for the lab's own units."""
-        if self.lab:
-            return ""
-        return (
-            f"figures of controllers are on the scale of the lab, where the handout's references and limits live: 1 "
-            f"{self.length} is "
-            f"{self.per_length:g} mm, 1 {self.command} is {self.per_command:g} V"
-        )
-
     def name(self, unit: str) -> str:
         """Return the rig's name for one of the lab's units: ``V s²/mm`` becomes ``N m s²/rad``."""
         return _TOKEN.sub(lambda found: self.length if found[1] == "mm" else self.command, unit)
+
+    def label(self, text: str) -> str:
+        """Return a label, heading or column with the lab's units in its square brackets told as the rig's."""
+        return text if self.lab else _BRACKETS.sub(lambda found: self.name(found[0]), text)
 
     def one(self, unit: str) -> float:
         """Return how many of the engine's units make one of the rig's.
@@ -97,3 +98,57 @@ class Units:
 
 
 LAB = Units()
+
+
+def measured_in(unit: str | tuple[str, ...] | None, *, keys: str = "") -> dict[str, Any]:
+    """Return the metadata of a dataclass's field that tell :func:`in_rig_units` its unit.
+
+    Parameters
+    ----------
+    unit
+        The lab's name of it, of a number, an array or a collection of such; one per row for a table of signals; ``None`` where
+        the field keeps what the engine needs (controllers, cases).
+    keys
+        Unit of the keys of a mapping that has numbers for keys.
+    """
+    return {"unit": unit, "keys": keys}
+
+
+def in_rig_units(result: T, units: Units, unit: str | tuple[str, ...] | None = "") -> T:
+    """Return a result with the numbers that the rig's owner reads.
+
+    Parameters
+    ----------
+    result
+        A dataclass whose fields say their units by :func:`measured_in`; dataclasses, mappings and sequences within it are turned
+        too. What carries units of its own turns itself. A number without unit stays.
+    units
+        The rig's.
+    unit
+        Of ``result`` itself, where it is a number or a collection of numbers.
+    """
+    if unit is None or units.lab:
+        return result
+    turned: Any = result
+    if is_dataclass(result) and not isinstance(result, type):
+        own = getattr(result, "in_rig_units", None)
+        if own is not None:
+            return own()  # type: ignore[no-any-return]
+        changes = {
+            f.name: in_rig_units(getattr(result, f.name), units, f.metadata.get("unit", unit))
+            for f in fields(result)
+            if f.init
+        }
+        for f in fields(result):
+            if keys := f.metadata.get("keys"):
+                changes[f.name] = {key / units.one(keys): value for key, value in changes[f.name].items()}
+        turned = replace(result, **changes)
+    elif isinstance(result, Mapping):
+        turned = {key: in_rig_units(value, units, unit) for key, value in result.items()}
+    elif isinstance(result, tuple | list):
+        turned = type(result)(in_rig_units(value, units, unit) for value in result)
+    elif isinstance(result, np.ndarray) and isinstance(unit, tuple):
+        turned = result / np.array([units.one(name) for name in unit]).reshape(-1, *[1] * (result.ndim - 1))
+    elif isinstance(result, float | np.floating | np.ndarray) and isinstance(unit, str) and unit:
+        turned = result / units.one(unit)
+    return turned  # type: ignore[no-any-return]

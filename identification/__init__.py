@@ -5,7 +5,7 @@ from identification.methods import Identification, identify
 from identification.mismatch.diagnose import diagnose
 from identification.mismatch.verdict import Diagnosis
 from identification.readiness import Check, check
-from identification.recordings import RecordingError, read_recordings, write_recording
+from identification.recordings import RecordingError, read_recordings, write_recording, write_rig
 from identification.validation import Validation, validate
 
 __all__ = [
@@ -22,4 +22,5 @@ __all__ = [
     "read_recordings",
     "validate",
     "write_recording",
+    "write_rig",
 ]

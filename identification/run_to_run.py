@@ -111,8 +111,8 @@ def _between(z: FloatArray, information: FloatArray) -> FloatArray:
 
 
 def recorded_range(recordings: Sequence[Recording]) -> Recorded:
-    """Return how far recordings reach in command, speed, deflection and frequency."""
-    u, v, deflection = 0.0, 0.0, 0.0
+    """Return how far recordings reach in command, speed, deflection, frequency and travel."""
+    u, v, deflection, travel = 0.0, 0.0, 0.0, 0.0
     slowest, fastest = np.inf, 0.0
     for r in recordings:
         u = max(u, float(np.max(np.abs(r.u))))
@@ -122,6 +122,8 @@ def recorded_range(recordings: Sequence[Recording]) -> Recorded:
             np.convolve(np.where(k, x, 0.0), np.ones(width) / width, "same") for x, k in zip(speeds, keep, strict=True)
         ]
         v = max([v, *(float(np.max(np.abs(x))) for x in smooth)])
+        ways = [np.cumsum(np.where(k, x, 0.0)) * r.sample_time for x, k in zip(speeds, keep, strict=True)]
+        travel = max([travel, *(float(np.ptp(x)) for x in ways)])
         if len(speeds) > 1:
             # where the spring began is unknown, and a lost count shifts it: the middle is taken for its rest
             apart = np.cumsum(np.where(keep[0] & keep[1], speeds[0] - speeds[1], 0.0)) * r.sample_time
@@ -133,4 +135,4 @@ def recorded_range(recordings: Sequence[Recording]) -> Recorded:
             slowest, fastest = min(slowest, f), max(fastest, f * _HARMONICS.get(r.excitation.kind, 1.0))
     if fastest == 0.0:
         slowest, fastest = 0.0, np.inf
-    return Recorded(u, v, deflection, float(slowest), float(fastest))
+    return Recorded(u, v, deflection, float(slowest), float(fastest), travel)

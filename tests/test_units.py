@@ -1,11 +1,14 @@
 """Units: what a rig's owner reads is the engine's figure in other units, and files give back what went in."""
 
+from dataclasses import dataclass, field
+
 import numpy as np
 import pytest
 
 from flexdrive_gym import Covariance, Drive, Recording, load_drive, save_drive
+from flexdrive_gym.drive.drive import Recorded
 from flexdrive_gym.recording import Excitation, Fault
-from flexdrive_gym.units import LAB, Units
+from flexdrive_gym.units import LAB, Units, in_rig_units, measured_in
 from tests.each import each
 
 METRES = Units("m", "V", per_length=1000.0)
@@ -95,3 +98,56 @@ def test_lab_units_change_nothing():
     assert LAB.lab
     assert Drive({"m1": 1e-3}).simulate(run.t, run.u).units.lab
     assert Drive({"m1": 1e-3}, units=METRES).simulate(run.t, run.u).units == METRES
+
+
+def test_a_drive_on_another_scale_is_the_same_drive():
+    """k·x is the same command whatever the scale, and the covariance scales with it."""
+    covariance = Covariance(("m1", "k"), np.array([[1e-10, 2e-9], [2e-9, 1e-6]]))
+    values = {"m1": 1e-3, "m2": 5e-4, "b1": 0.01, "k": 0.09, "d1": 0.3, "encoder_quantisation.encoder_1.quantum": 0.005}
+    drive = Drive(
+        values, {"k": (0.08, 0.1)}, covariance, units=ROTARY, recorded=Recorded(2.5, 150.0, 10.0, travel=80.0)
+    )
+    other = drive.rescaled(Units("rad", "N m", per_length=17.0, per_command=3.0))
+    for scale in (other, drive.in_rig_units()):
+        for name, unit in (("m1", "V s²/mm"), ("b1", "V s/mm"), ("k", "V/mm"), ("d1", "V")):
+            assert scale.units.of_rig(scale[name], unit)[0] == pytest.approx(ROTARY.of_rig(drive[name], unit)[0])
+        assert scale.intervals["k"][0] / scale["k"] == pytest.approx(0.08 / 0.09)
+        spread, was = (np.sqrt(d.covariance.matrix[1, 1]) / d["k"] for d in (scale, drive))
+        assert spread == pytest.approx(was)
+        assert scale.units.of_rig(scale.recorded.travel, "mm")[0] == pytest.approx(0.8)
+        assert scale.units.of_rig(scale.recorded.u, "V")[0] == pytest.approx(0.05)
+    # what the rig's owner reads
+    assert drive.in_rig_units()["k"] == pytest.approx(0.09 / 50.0 * 100.0)
+    assert drive.rescaled(ROTARY) is drive
+
+
+@dataclass(frozen=True)
+class _Inner:
+    gain: float = field(metadata=measured_in("V/mm"))
+
+
+@dataclass(frozen=True)
+class _Result:
+    error: float | None = field(metadata=measured_in("mm"))
+    inner: _Inner
+    by_limit: dict[float, _Inner] = field(metadata=measured_in("", keys="V"))
+    run: np.ndarray = field(metadata=measured_in(("mm", "V")))
+    kept: _Inner = field(metadata=measured_in(None))
+    share: float = 0.3
+
+
+def test_a_whole_result_in_the_rigs_units():
+    found = _Result(4.0, _Inner(2.0), {8.0: _Inner(2.0)}, np.ones((2, 3)), _Inner(2.0))
+    told = in_rig_units(found, ROTARY)
+    assert told.error == pytest.approx(0.04)
+    assert told.inner.gain == pytest.approx(2.0 / 50.0 * 100.0)
+    assert told.by_limit == {8.0 / 50.0: told.inner}
+    np.testing.assert_allclose(told.run, [[0.01] * 3, [0.02] * 3])
+    assert told.kept.gain == 2.0
+    assert told.share == 0.3
+    assert in_rig_units(found, LAB) is found
+    assert in_rig_units(_Result(None, _Inner(1.0), {}, np.ones((2, 1)), _Inner(1.0)), ROTARY).error is None
+
+
+def test_labels_are_renamed_in_brackets_only():
+    assert ROTARY.label("peak [mm] of Lab 4 at V, [V/mm]") == "peak [rad] of Lab 4 at V, [N m/rad]"

@@ -21,6 +21,14 @@ def jobs_given(value: int) -> int:
     return value
 
 
+def positive(value: Any) -> Any:
+    """Refuse a size, or one of several, that is not above 0; how large it may be depends on the rig's units."""
+    for number in value if isinstance(value, list | tuple) else [value]:
+        if number is not None and not number > 0.0:
+            raise typer.BadParameter(f"{number:g} is not above 0.")
+    return value
+
+
 class Command(TyperCommand):
     """A command of ``flexdrive``."""
 

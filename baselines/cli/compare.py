@@ -5,12 +5,13 @@ from __future__ import annotations
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from enum import StrEnum
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from baselines.cli._command import MOST_SEED, MOST_THREADS, jobs_given
+from baselines.cli._command import MOST_SEED, MOST_THREADS, jobs_given, positive
 from baselines.cli._output import Json, print_json, progress, say, table
 from baselines.cli._results import Force, interrupted_says, result_folder
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
     from baselines.compare import Comparison, Improvement, Summary
     from flexdrive_gym import Drive
+    from flexdrive_gym.units import Units
 
 
 _KEPT = (
@@ -94,9 +96,17 @@ def compare(
     ] = True,
     duration: Annotated[float, typer.Option(min=0.5, max=600.0, help="Of a run along a reference [s].")] = 4.0,
     limit: Annotated[
-        float, typer.Option(min=0.1, max=1000.0, help="Of the command [V]; never more than the drive's own.")
-    ] = 8.0,
-    tolerance: Annotated[float, typer.Option(min=0.001, max=1000.0, help="For settling and success [mm].")] = 2.0,
+        float | None,
+        typer.Option(
+            callback=positive,
+            help="Of the command [V, or the rig's]; never more than the drive's own. Default: 8 V, or what the rig's recordings "
+            "reached.",
+        ),
+    ] = None,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(callback=positive, help="For settling and success [mm, or the rig's]; default: 2 mm in 50."),
+    ] = None,
     empirical: Annotated[bool, typer.Option(help="Also find margins by trial.")] = True,
     seed: Annotated[int, typer.Option(min=0, max=MOST_SEED, help="Of the draws.")] = 0,
     backend: Annotated[
@@ -117,11 +127,10 @@ def compare(
 ) -> None:
     """Compare controllers and trained agents on the drive, on drives drawn from its covariance, and with left-out effects."""
     from baselines import compare as comparing  # noqa: PLC0415
+    from baselines.lab.lab_scale import on_lab_scale  # noqa: PLC0415
     from flexdrive_gym import load_drive  # noqa: PLC0415
 
-    rigs = {label: load_drive(path) for label, path in _labels(drives).items()}
-    for scale in dict.fromkeys(rig.units.scale for rig in rigs.values() if rig.units.scale):
-        typer.echo(f"note: {scale}", err=True)
+    rigs = {label: on_lab_scale(load_drive(path)) for label, path in _labels(drives).items()}
     asked = _names(controllers) or []
     for file in dict.fromkeys(name.rpartition(":")[0] for name in asked if ".py:" in name):
         typer.echo(f"running the code in {file}", err=True)
@@ -129,7 +138,7 @@ def compare(
     options = {
         "limit": limit, "tolerance": tolerance, "duration": duration, "empirical": empirical, "seed": seed,
         "backend": backend.value, "jobs": jobs, "scheduler": scheduler, "draws": draws, "effects": effects,
-        "references": [comparing.named_reference(name) for name in (comparing.UNSEEN if along is None else along)],
+        "references": comparing.UNSEEN if along is None else along,
     }  # fmt: skip
     found: dict[str, Found] = {}
     with ExitStack() as held:
@@ -171,8 +180,11 @@ class Found:
 
     def as_json(self) -> dict[str, object]:
         """Return it as one object."""
-        groups = {s.name: s for s in self.summaries}
-        return _as_json(self.result) | {
+        from flexdrive_gym.units import in_rig_units  # noqa: PLC0415
+
+        units = self.result.drive.units
+        groups = {s.name: in_rig_units(s, units) for s in self.summaries}
+        return _as_json(in_rig_units(self.result, units)) | {
             "groups": groups, "improvements": self.improvements, "notes": self.remarks, "pages": self.pages,
         }  # fmt: skip
 
@@ -193,6 +205,8 @@ def _compare(
     """Compare the asked controllers on one drive; none asked for are all."""
     from baselines import compare as comparing  # noqa: PLC0415
 
+    options = options | _of_engine(rig.units, options["limit"], options["tolerance"])
+    options["references"] = [comparing.named_reference(name, rig.units) for name in options["references"]]
     learnt = comparing.agent_entries(rig, agents)
     draws, remarks = options["draws"], []
     if draws is None and rig.covariance is None:
@@ -215,6 +229,18 @@ def _compare(
         bar.update(task, description="summing up")
         summaries, improvements = comparing.summarise(result)
     return Found(result, summaries, improvements, remarks)
+
+
+def _of_engine(units: Units, limit: float | None, tolerance: float | None) -> dict[str, float]:
+    """Return command limit and tolerance in the engine's units; without them those of the lab, whose task every rig has."""
+    from baselines.evaluation.metrics import TOLERANCE_MM  # noqa: PLC0415
+    from flexdrive_gym.drive.default import HANDOUT_LIMIT_V  # noqa: PLC0415
+
+    own = HANDOUT_LIMIT_V if units.lab else inf
+    return {
+        "limit": own if limit is None else units.to_engine(limit, "V"),
+        "tolerance": TOLERANCE_MM if tolerance is None else units.to_engine(tolerance, "mm"),
+    }
 
 
 def _names(given: list[str] | None) -> list[str] | None:
@@ -256,11 +282,15 @@ def _write_side_by_side(found: dict[str, Found], output: Path) -> list[Path]:
 
 
 def _as_json(result: Comparison) -> dict[str, object]:
+    """Return a comparison in the rig's units as one object; the lab's are part of a key's name, another rig's stand beside."""
     groups = ("nominal", "draw", "effect")
+    units = result.drive.units
+    _V, _mm = ("_V", "_mm") if units.lab else ("", "")
     return {
         "drive": result.drive.name,
-        "limit_V": result.limit,
-        "tolerance_mm": result.tolerance,
+        "units": {"length": units.length, "command": units.command},
+        f"limit{_V}": min(result.limit, result.drive.voltage_limit),
+        f"tolerance{_mm}": result.tolerance,
         "duration_s": result.duration,
         "seed": result.seed,
         "references": result.references,
@@ -278,8 +308,8 @@ def _as_json(result: Comparison) -> dict[str, object]:
                 "margins": r.margins,
                 "empirical_margins": r.empirical,
                 "margins_on_rig": r.on_rig,
-                "swing_with_friction_mm": r.swing,
-                "draws": {"success": r.draws, "stable": r.stable_draws, "rms_mm_quantiles": r.draw_rms},
+                f"swing_with_friction{_mm}": r.swing,
+                "draws": {"success": r.draws, "stable": r.stable_draws, f"rms{_mm}_quantiles": r.draw_rms},
                 "effects": r.effects,
                 "unseen": r.unseen,
             }
@@ -294,9 +324,12 @@ def _print(
 ) -> None:
     from baselines.compare import headline, learnt_verdicts, shortlist  # noqa: PLC0415
     from baselines.compare.tables import overview_table  # noqa: PLC0415
+    from flexdrive_gym.units import in_rig_units  # noqa: PLC0415
 
-    chosen = shortlist(result)
-    overview = overview_table(result, chosen)
+    units = result.drive.units
+    told = in_rig_units(result, units)
+    chosen = shortlist(told)
+    overview = overview_table(told, chosen).of_rig(units)
     table(overview.title, overview.columns, overview.rows)
     for sentence in [*headline(result), *learnt_verdicts(result, summaries, improvements)]:
         say(sentence)
@@ -309,19 +342,23 @@ def _print(
 
 
 def _print_all(result: Comparison, summaries: Sequence[Summary]) -> None:
-    from baselines.compare.tables import BY_TRIAL, LINEAR, WITH_FRICTION, tables  # noqa: PLC0415
+    from baselines.compare.tables import BY_TRIAL, LINEAR, tables, with_friction  # noqa: PLC0415
+    from flexdrive_gym.units import in_rig_units  # noqa: PLC0415
 
+    units = result.drive.units
     for found in tables(result):
         table(found.title, found.columns, found.rows)
     say(f"{LINEAR} {BY_TRIAL}")
-    say(WITH_FRICTION)
+    say(with_friction(units))
     if any(r.entry.learnt for r in result.results):
         table(
-            "rms e along each reference [mm]: interquartile means, and 95 % intervals over training seeds and drives",
+            units.label(
+                "rms e along each reference [mm]: interquartile means, and 95 % intervals over training seeds and drives"
+            ),
             ["group", "seeds", "handout", "failures", *result.references],
             [
                 [s.name, str(s.seeds), str(s.rms), s.failures.percent, *(str(s.unseen[n]) for n in result.references)]
-                for s in summaries
+                for s in in_rig_units(summaries, units)
             ],
         )
     for r in result.results:

@@ -7,11 +7,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from baselines.cli._command import positive
 from baselines.cli._output import DriveFile, Json, number, print_json, say, table
+from flexdrive_gym.units import in_rig_units
 
 if TYPE_CHECKING:
+    from baselines.controllers.loop_shaping import Lab4
     from baselines.lab.lab4_study import Lab4Study
     from baselines.lab.uncertainty import LoopUncertainty
+    from flexdrive_gym.units import Units
 
 
 def design(
@@ -24,21 +28,26 @@ def design(
     phase_margin: Annotated[float, typer.Option(min=1.0, max=89.0, help="Least phase margin [deg].")] = 30.0,
     limit: Annotated[
         list[float] | None,
-        typer.Option(min=0.1, max=1000.0, help="Command limit of the tracking runs [V]; repeatable."),
+        typer.Option(
+            callback=positive,
+            help="Command limit of the tracking runs [V, or the rig's]; repeatable; default: 4 and 8 V, or half and all of what "
+            "the rig's recordings reached.",
+        ),
     ] = None,
     json: Json = False,
 ) -> None:
     """Design Lab 4's controller for the drive: notch, double lead, integral, feed-forward; print every value."""
     from baselines.controllers import Specification  # noqa: PLC0415
-    from baselines.lab.lab4_study import LIMITS_V, study_lab_4  # noqa: PLC0415
+    from baselines.lab.lab4_study import study_lab_4  # noqa: PLC0415
+    from baselines.lab.lab_scale import on_lab_scale  # noqa: PLC0415
     from baselines.lab.uncertainty import loop_uncertainty  # noqa: PLC0415
     from flexdrive_gym import load_drive  # noqa: PLC0415
 
-    rig = load_drive(drive)
-    if rig.units.scale:
-        typer.echo(f"note: {rig.units.scale}", err=True)
-    asked = Specification(crossover=crossover, gain_margin=gain_margin, phase_margin_deg=phase_margin)
-    study = study_lab_4(rig, specification=asked, limits=tuple(limit or LIMITS_V))
+    rig = on_lab_scale(load_drive(drive))
+    units = rig.units
+    asked = Specification(units.to_engine(crossover, "rad/s"), gain_margin, phase_margin)
+    limits = [units.to_engine(value, "V") for value in limit] if limit else None
+    study = study_lab_4(rig, specification=asked, limits=limits)
     spread = loop_uncertainty(rig, study.stages[-1].design.controller)
     page = None
     if output is not None:
@@ -47,9 +56,9 @@ def design(
 
         page = write_atomically(output / "design.html", build_design_page(study).encode())
     if json:
-        print_json(_as_json(study) | {"uncertainty": spread, "page": page})
+        print_json(_as_json(study, units) | {"uncertainty": spread, "page": page})
         return
-    _print(study)
+    _print(study, units)
     if spread is not None:
         say(_in_words(spread))
     if page is not None:
@@ -65,16 +74,27 @@ def _in_words(spread: LoopUncertainty) -> str:
     )
 
 
-def _as_json(study: Lab4Study) -> dict[str, object]:
+def _values(values: Lab4, units: Units) -> dict[str, tuple[float, str]]:
+    """Return symbol to value and unit, as the rig's owner reads them."""
+    return {name: units.of_rig(value, unit) for name, (value, unit) in values.table().items()}
+
+
+def _as_json(engine: Lab4Study, units: Units) -> dict[str, object]:
+    by_hand, refined, study = (
+        _values(engine.by_hand, units),
+        _values(engine.refined, units),
+        in_rig_units(engine, units),
+    )
     return {
+        "units": {"length": units.length, "command": units.command},
         "specification": study.specification,
         "by_the_handout": {
-            "values": {k: {"value": v, "unit": u} for k, (v, u) in study.by_hand.table().items()},
+            "values": {k: {"value": v, "unit": u} for k, (v, u) in by_hand.items()},
             "margins": study.hand_margins,
             "lines": study.hand_lines,
         },
         "refined": {
-            "values": {k: {"value": v, "unit": u} for k, (v, u) in study.refined.table().items()},
+            "values": {k: {"value": v, "unit": u} for k, (v, u) in refined.items()},
             "met": study.met,
             "lines": study.lines,
         },
@@ -86,19 +106,21 @@ def _as_json(study: Lab4Study) -> dict[str, object]:
                 "step": s.step,
                 "disturbance": s.disturbance,
                 "disturbance_with_friction": s.rig_disturbance,
-                "step_with_friction": {f"{limit:g} V": r for limit, r in s.rig_steps.items()},
-                "tracking": {f"{limit:g} V": m for limit, m in s.tracking.items()},
+                "step_with_friction": {f"{limit:.4g} {units.command}": r for limit, r in s.rig_steps.items()},
+                "tracking": {f"{limit:.4g} {units.command}": m for limit, m in s.tracking.items()},
             }
             for s in study.stages
         },
     }
 
 
-def _print(study: Lab4Study) -> None:
+def _print(engine: Lab4Study, units: Units) -> None:
     from baselines.compare.tables import LINEAR  # noqa: PLC0415
-    from baselines.lab.lab4_study import verdict  # noqa: PLC0415
+    from baselines.evaluation.metrics import TOLERANCE_MM  # noqa: PLC0415
+    from baselines.lab.lab4_study import DISTURBANCE_V, STEP_MM, verdict  # noqa: PLC0415
 
-    hand, refined = study.by_hand.table(), study.refined.table()
+    hand, refined, study = _values(engine.by_hand, units), _values(engine.refined, units), in_rig_units(engine, units)
+    pushed = units.text(DISTURBANCE_V, "V")
     table(
         f"Lab 4 on {study.drive.name}: values of the design",
         ["value", "unit", "by the handout", "refined on the sampled loop"],
@@ -118,25 +140,25 @@ def _print(study: Lab4Study) -> None:
             for line, by_hand in zip(study.lines, study.hand_lines, strict=False)
         ],
     )
-    for sentence in verdict(study):
+    for sentence in verdict(engine):
         say(sentence)
     table(
         "stages on the sampled linear loop",
         ["stage", "linear loop", "crossover [rad/s]", "GM linear", "PM linear [deg]", "delay linear [ms]", "disk margin",
-         "peak |S|", "rise [s]", "overshoot [%]", "1 V: peak [mm]", "1 V: final [mm]"],
+         "peak |S|", "rise [s]", "overshoot [%]", units.label(f"{pushed}: peak [mm]"), units.label(f"{pushed}: final [mm]")],
         [
             [s.name, "stable" if s.margins.stable else "unstable", number(s.margins.crossover), number(s.margins.gain_margin, 3),
              number(s.margins.phase_margin_deg, 3), number(1e3 * s.margins.delay_margin, 3),
              number(s.margins.disk_margin, 2), number(s.margins.sensitivity_peak, 3), number(s.step.rise, 3),
-             number(s.step.overshoot, 3), number(s.disturbance.peak, 3), number(round(s.disturbance.final, 3), 3)]
+             number(s.step.overshoot, 3), number(s.disturbance.peak, 3), number(_small(s.disturbance.final, units), 3)]
             for s in study.stages
         ],
     )  # fmt: skip
     say(LINEAR)
     table(
         "tracking of the handout's trajectory, simulated with friction and encoder counts",
-        ["stage", "limit [V]", "rms xr - x2 [mm]", "peak [mm]", "settling [s]", "overshoot [%]", "rms u [V]", "peak u [V]",
-         "at the limit", "10 mm step: rise [s]", "overshoot [%]"],
+        [*map(units.label, ("stage", "limit [V]", "rms xr - x2 [mm]", "peak [mm]", "settling [s]", "overshoot [%]", "rms u [V]",
+                            "peak u [V]", "at the limit", f"{units.text(STEP_MM, 'mm')} step: rise [s]", "overshoot [%]"))],
         [
             [s.name, number(limit), number(m.rms, 3), number(m.peak, 3), number(m.settling, 2), number(m.overshoot, 2),
              number(m.effort, 3), number(m.effort_peak, 3), f"{m.limited:.0%}", number(s.rig_steps[limit].rise, 2),
@@ -144,4 +166,13 @@ def _print(study: Lab4Study) -> None:
             for s in study.stages for limit, m in s.tracking.items()
         ],
     )  # fmt: skip
-    say("settling: longest time after a move until x2 stays within 2 mm; – : it never does before the next move")
+    say(
+        "settling: longest time after a move until x2 stays within "
+        f"{units.text(TOLERANCE_MM, 'mm')}; – : it never does before the next move"
+    )
+
+
+def _small(value: float, units: Units) -> float:
+    """Return a rest that a linear loop leaves, without the round-off below a micrometre of the lab."""
+    least = 1e-3 / units.one("mm")
+    return round(value / least) * least

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from baselines.cli._command import positive
 from baselines.cli._output import DriveFile, Json, print_json, progress, say, table
 from baselines.cli._results import Force, interrupted_says, require_no_recordings
 
@@ -15,9 +16,20 @@ def experiment(
     drive: DriveFile,
     output: Annotated[Path, typer.Option("--output", "-o", file_okay=False, help="Folder for the recordings.")],
     square: Annotated[
-        list[float] | None, typer.Option(min=0.01, max=1000.0, help="Amplitude of a square [V]; repeatable.")
+        list[float] | None,
+        typer.Option(
+            callback=positive,
+            help="Amplitude of a square [V, or the rig's]; repeatable; default: 1.5 and 2 V, or 60 % and 80 % of what another "
+            "rig's recordings reached.",
+        ),
     ] = None,
-    sine: Annotated[float, typer.Option(min=0.01, max=1000.0, help="Amplitude of the sines [V].")] = 2.5,
+    sine: Annotated[
+        float | None,
+        typer.Option(
+            callback=positive,
+            help="Amplitude of the sines [V, or the rig's]; default: 2.5 V, or what another rig's recordings reached.",
+        ),
+    ] = None,
     frequency: Annotated[
         list[float] | None, typer.Option(min=0.01, max=500.0, help="Of a sine [Hz]; repeatable.")
     ] = None,
@@ -25,26 +37,34 @@ def experiment(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Run the in-lab session 2.1-2.6 on the simulated rig; write recordings in the rig's format."""
-    from baselines.lab.experiments import FREQUENCIES_HZ, SQUARES_V, lab_day  # noqa: PLC0415
+    """Run the in-lab session 2.1-2.6 on the simulated rig; write recordings in the rig's format and units.
+
+    A rig with units of its own gets a rig.toml beside them, by which they are read back: --rig rig.toml.
+    """
+    from baselines.lab.experiments import FREQUENCIES_HZ, SINE_V, SQUARES_V, lab_day  # noqa: PLC0415
+    from baselines.lab.lab_scale import on_lab_scale  # noqa: PLC0415
     from flexdrive_gym import load_drive  # noqa: PLC0415
     from flexdrive_gym.files import only_writer  # noqa: PLC0415
-    from identification import write_recording  # noqa: PLC0415
+    from identification import write_recording, write_rig  # noqa: PLC0415
 
-    rig = load_drive(drive)
+    rig = on_lab_scale(load_drive(drive))
+    units = rig.units
     require_no_recordings(output, force=force)
-    squares, frequencies = tuple(square or SQUARES_V), tuple(frequency or FREQUENCIES_HZ)
+    squares = [units.to_engine(value, "V") for value in square] if square else SQUARES_V
+    frequencies = [units.to_engine(value, "Hz") for value in frequency] if frequency else FREQUENCIES_HZ
+    amplitude = SINE_V if sine is None else units.to_engine(sine, "V")
     written = []
     kept = "the recordings written so far are whole, and stay."
     with interrupted_says(lambda: kept), only_writer(output), progress() as bar:
         task = bar.add_task("experiments", total=4 + len(squares) + len(frequencies))
-        for run in lab_day(rig, squares=squares, sine_amplitude=sine, frequencies=frequencies):
+        for run in lab_day(rig, squares=squares, sine_amplitude=amplitude, frequencies=frequencies):
             path = output / f"{run.name}{'.csv.gz' if compress else '.csv'}"
             write_recording(run, path)
-            written.append({"file": path, "experiment": str(run.excitation), "notes": run.notes})
+            written.append({"file": path, "experiment": run.excitation.text(units), "notes": run.notes})
             bar.advance(task)
+        described = None if units.lab else write_rig(rig.units, rig.carts, output / "rig.toml", rig.name)
     if json:
-        print_json({"folder": output, "recordings": written})
+        print_json({"folder": output, "recordings": written, "rig": described})
         return
     table(
         f"recordings of {rig.name} in {output}",
@@ -52,3 +72,5 @@ def experiment(
         [[Path(str(w["file"])).name, str(w["experiment"]), "; ".join(w["notes"])] for w in written],  # type: ignore[arg-type]
     )
     say(f"wrote {len(written)} recordings")
+    if described is not None:
+        say(f"wrote {described}; read them with --rig {described}")

@@ -39,26 +39,30 @@ def stability(
 ) -> None:
     """Print the critical gain of P-control, linear, simulated and as a student finds it, from x1 and from x2."""
     from baselines.lab.experiments import STABLE_GAIN  # noqa: PLC0415
+    from baselines.lab.lab_scale import on_lab_scale  # noqa: PLC0415
     from baselines.lab.stability_study import study_stability  # noqa: PLC0415
     from baselines.loop_analysis.stability_limit import LARGEST_GAIN  # noqa: PLC0415
     from flexdrive_gym import load_drive  # noqa: PLC0415
+    from flexdrive_gym.units import in_rig_units  # noqa: PLC0415
 
-    rig = load_drive(drive)
+    rig = on_lab_scale(load_drive(drive))
     units, one = rig.units, rig.units.one("V/mm")
     at = STABLE_GAIN if gain is None else gain * one
     study = study_stability(rig, at, draws)
-    of_rig = {name: limit.of_rig(units) for name, limit in study.limits.items()}
+    of_rig = in_rig_units(study.limits, units)
     written = []
     if output is not None:
         from baselines.report.stability_page import build_stability_page  # noqa: PLC0415
         from flexdrive_gym.files import write_atomically  # noqa: PLC0415
-        from identification import write_recording  # noqa: PLC0415
+        from identification import write_recording, write_rig  # noqa: PLC0415
 
         for folder, runs in (("with_friction", study.runs), ("without_friction", study.runs_without_friction)):
             for run in runs.values():
                 path = output / folder / f"{run.name}.csv"
                 write_recording(run, path)
                 written.append(path)
+            if not units.lab:
+                written.append(write_rig(units, rig.carts, output / folder / "rig.toml", rig.name))
         written.append(write_atomically(output / "stability.html", build_stability_page(study).encode()))
     if json:
         limits = {k: {**asdict(v), "unit": units.name("V/mm"), **_uncertainty(study, k)} for k, v in of_rig.items()}

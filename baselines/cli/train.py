@@ -77,6 +77,7 @@ def train(
         from baselines.rl import training  # noqa: PLC0415
     except ImportError as error:
         raise ValueError(f"train: {error.name} is not installed. pip install 'flexdrive[rl]'.") from error
+    from baselines.lab.lab_scale import on_lab_scale  # noqa: PLC0415
     from baselines.rl.agents import find_agent  # noqa: PLC0415
     from flexdrive_gym import DEFAULT_DRIVE, load_drive  # noqa: PLC0415
     from flexdrive_gym.files import only_writer  # noqa: PLC0415
@@ -88,7 +89,7 @@ def train(
         rest = training.under_way(output)
         given = {name for name in ctx.params if getattr(ctx.get_parameter_source(name), "name", "") == "COMMANDLINE"}
         plan = _resumed(rest, asked, given, reproduce)
-        rig = rest.drive if drive is None else load_drive(drive)
+        rig = rest.drive if drive is None else on_lab_scale(load_drive(drive))
         name = rest.name
         every = checkpoint_every if "checkpoint_every" in given else rest.checkpoint_every
         original = None if name == _NAME else find_agent(name)
@@ -97,7 +98,9 @@ def train(
         original = None if reproduce is None else find_agent(reproduce)
         name, every = reproduce or _NAME, checkpoint_every
         rig, plan = (
-            (DEFAULT_DRIVE if drive is None else load_drive(drive), asked) if original is None else _asked(original)
+            (DEFAULT_DRIVE if drive is None else on_lab_scale(load_drive(drive)), asked)
+            if original is None
+            else _asked(original)
         )
     with interrupted_says(lambda: _kept(output)), only_writer(output):
         trained = _watched(rig, plan, output, name, every, resume=resume)
@@ -106,12 +109,16 @@ def train(
     if json:
         print_json({"card": card, "curve": trained.curve, "files": files, "reproduced": same})
         return
-    score = card["score"]
+    units = rig.units
+    rms, handout, peak = (
+        card["score"][training.score_key(units, key)]
+        for key in ("rms_mm_unseen_references", "rms_mm_handout", "peak_mm_handout")
+    )
     table(
         f"agent from {plan.feedback} on {rig.name}",
-        ["steps", "time [s]", "rms e, unseen references [mm]", "rms e, handout [mm]", "peak e, handout [mm]"],
-        [[f"{card['steps']:,}", number(card["seconds"], 3), number(score["rms_mm_unseen_references"], 3),
-          number(score["rms_mm_handout"], 3), number(score["peak_mm_handout"], 3)]],
+        [*map(units.label, ("steps", "time [s]", "rms e, unseen references [mm]", "rms e, handout [mm]",
+                            "peak e, handout [mm]"))],
+        [[f"{card['steps']:,}", number(card["seconds"], 3), number(rms, 3), number(handout, 3), number(peak, 3)]],
     )  # fmt: skip
     if same is not None:
         say(sentence(same))
@@ -166,7 +173,7 @@ def _watched(rig: Drive, plan: Plan, output: Path, name: str, every: int, *, res
         task = bar.add_task("training", total=plan.steps)
 
         def tell(done: int, error: float) -> None:
-            bar.update(task, completed=done, description=f"training, rms e {error:.2f} mm")
+            bar.update(task, completed=done, description=f"training, rms e {error:.3g} {rig.units.length}")
 
         return run(rig, plan, output, name=name, checkpoint_every=every, resume=resume, tell=tell)
 

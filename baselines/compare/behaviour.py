@@ -7,11 +7,11 @@ learnt group the seed in its middle.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from baselines.compare.cases import HANDOUT, Reference, named_reference
+from baselines.compare.cases import HANDOUT, Reference
 from baselines.compare.comparison import instants
 from baselines.compare.results import Comparison, Result
 from baselines.controllers import SAMPLE_TIME_S
@@ -19,7 +19,10 @@ from baselines.evaluation.metrics import dwells
 from baselines.evaluation.rollout import RIG_TIME_S, run_many
 from baselines.loop_analysis.describing_function import AMPLITUDES_MM, Sweep, predicted_gain_margins, sweep
 from flexdrive_gym.recording import FloatArray
+from flexdrive_gym.units import measured_in
 
+# rows of a run, and their units
+SIGNALS = ("mm", "mm/s", "mm", "mm/s", "V")
 FIXED = ("p_x2", "lab4", "lqg")
 _END_S = 0.1
 
@@ -36,9 +39,9 @@ class Parts:
         Mean |xr - x2| over the last tenth of a second of the rests [mm]; nan without rests.
     """
 
-    moving: float
-    resting: float
-    offset: float
+    moving: float = field(metadata=measured_in("mm"))
+    resting: float = field(metadata=measured_in("mm"))
+    offset: float = field(metadata=measured_in("mm"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +61,7 @@ class Shown:
     """
 
     result: Result
-    runs: Mapping[str, FloatArray]
+    runs: Mapping[str, FloatArray] = field(metadata=measured_in(SIGNALS))
     parts: Mapping[str, Parts]
     sweep: Sweep | None
     predicted: tuple[float, ...] = ()
@@ -81,8 +84,8 @@ class Behaviour:
         Name to positions, ndarray, shape (n,) [mm].
     """
 
-    t: FloatArray
-    references: Mapping[str, FloatArray]
+    t: FloatArray = field(metadata=measured_in("s"))
+    references: Mapping[str, FloatArray] = field(metadata=measured_in("mm"))
     shown: tuple[Shown, ...]
 
     def find(self, name: str) -> Shown | None:
@@ -110,12 +113,9 @@ def behaviour(comparison: Comparison) -> Behaviour:
             chosen.setdefault(best.entry.name, best)
     chosen |= {g.middle.entry.name: g.middle for g in learnt}
     t = instants(comparison.duration)
-    references = {name: _reference(name).sampled(t) for name in (HANDOUT, *comparison.references)}
+    named = {str(c.reference): c.reference for c in comparison.cases}
+    references = {name: named.get(name, Reference(HANDOUT)).sampled(t) for name in (HANDOUT, *comparison.references)}
     return Behaviour(t, references, tuple(_shown(comparison, r, references) for r in chosen.values()))
-
-
-def _reference(name: str) -> Reference:
-    return Reference(HANDOUT) if name == HANDOUT else named_reference(name)
 
 
 def _shown(comparison: Comparison, result: Result, references: Mapping[str, FloatArray]) -> Shown:

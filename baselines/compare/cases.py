@@ -14,7 +14,8 @@ from flexdrive_gym import Drive
 from flexdrive_gym.drive.effects import EFFECTS
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.reference_specs import split
-from flexdrive_gym.references import sample_reference
+from flexdrive_gym.references import REFERENCES, sample_reference
+from flexdrive_gym.units import LAB, Units
 
 DRAWS = 500
 # runs along the other references: enough drives for an interval of a few per cent, few enough to stay quick
@@ -35,10 +36,11 @@ UNSEEN: Mapping[str, Mapping[str, float]] = MappingProxyType({
 
 @dataclass(frozen=True)
 class Reference:
-    """A reference with a name: a key of :data:`~flexdrive_gym.references.REFERENCES` and its keywords."""
+    """A reference with a name: a key of :data:`~flexdrive_gym.references.REFERENCES`, its keywords, and how it was asked for."""
 
     name: str
     keywords: tuple[tuple[str, float], ...] = ()
+    asked: str = ""
 
     def sampled(self, t: FloatArray) -> FloatArray:
         """Return the reference at instants [s], ndarray, shape (n,) [mm]; a random one is the same every time."""
@@ -47,11 +49,22 @@ class Reference:
     def __str__(self) -> str:
         if dict(self.keywords) == UNSEEN.get(self.name):
             return self.name
-        return self.name + "".join(f":{key}={value:g}" for key, value in self.keywords)
+        return self.asked or _text(self.name, dict(self.keywords))
 
 
-def named_reference(text: str) -> Reference:
+def _text(name: str, keywords: Mapping[str, float]) -> str:
+    return name + "".join(f":{key}={value:g}" for key, value in keywords.items())
+
+
+def named_reference(text: str, units: Units = LAB) -> Reference:
     """Return a reference from ``name`` or ``name:keyword=value:…``; a name alone stands for the one in :data:`UNSEEN`.
+
+    Parameters
+    ----------
+    text
+        As a user writes it, values in the rig's units.
+    units
+        The rig's.
 
     Raises
     ------
@@ -62,7 +75,9 @@ def named_reference(text: str) -> Reference:
         name, keywords = split(text)
     except ValueError as error:
         raise ValueError(str(error).replace("reference:", "references:", 1)) from error
-    reference = Reference(name, tuple((keywords or dict(UNSEEN.get(name, {}))).items()))
+    sizes = {p.name: units.one(p.unit) for p in REFERENCES[name].parameters} if name in REFERENCES else {}
+    given = {key: value * sizes.get(key, 1.0) for key, value in keywords.items()} or dict(UNSEEN.get(name, {}))
+    reference = Reference(name, tuple(given.items()), _text(name, keywords))
     try:
         reference.sampled(np.zeros(1))
     except (TypeError, ValueError) as error:

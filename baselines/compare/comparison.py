@@ -73,7 +73,7 @@ def compare(
     effects
         Whether each left-out effect at its typical size is a case.
     references
-        Beside the handout's trajectory, for example ``"sine:amplitude=10"``.
+        Beside the handout's trajectory, for example ``"sine:amplitude=10"``, in the rig's units.
     cases
         Instead of what draws, effects and references say; see :func:`~baselines.compare.cases.cases_of`.
     duration
@@ -109,7 +109,7 @@ def compare(
     if len(set(names)) < len(names):
         raise ValueError(f"controllers: names must be unique; got {', '.join(names)}.")
     if cases is None:
-        along = [named_reference(r) if isinstance(r, str) else r for r in references]
+        along = [named_reference(r, drive.units) if isinstance(r, str) else r for r in references]
         many = (DRAWS if drive.covariance is not None else 0) if draws is None else draws
         cases = cases_of(drive, draws=many, effects=effects, references=along, seed=seed)
     chosen = tuple(cases)

@@ -162,7 +162,7 @@ def agent_entries(drive: Drive, names: Sequence[str] | None = None) -> list[Entr
 
 
 def _entry(agent: Agent, name: str, drive: Drive) -> Entry:
-    controller = agent.controller(drive)
+    controller = agent.on_scale_of(drive).controller(drive)
     reads, period = READS[controller.task.sensing], controller.task.control_period
     steps = agent.card.get("steps")
     trained = f", {steps / 1e6:.3g} million steps" if isinstance(steps, int | float) else ""

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf
 
 import numpy as np
 
-from baselines.compare.behaviour import Parts, error_parts
+from baselines.compare.behaviour import SIGNALS, Parts, error_parts
 from baselines.compare.comparison import instants
 from baselines.compare.results import Comparison
 from baselines.controllers import design
@@ -21,6 +21,7 @@ from baselines.loop_analysis.stability_limit import StabilityLimit, stability_li
 from flexdrive_gym import Controller, Drive, LinearController, Recording
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.references import handout_trajectory
+from flexdrive_gym.units import measured_in
 
 _P_TITLES = {"2.1": "stable", "2.2": "critical", "2.3": "unstable", "2.4": "collocated"}
 
@@ -54,14 +55,14 @@ class Demonstration:
     name: str
     law: str
     reads: str
-    period: float
-    run: FloatArray
+    period: float = field(metadata=measured_in("s"))
+    run: FloatArray = field(metadata=measured_in(SIGNALS))
     measures: Measures
     parts: Parts
-    vibration: float
+    vibration: float = field(metadata=measured_in("mm"))
     on_rig: EmpiricalMargins | None
     margins: Margins | None
-    swing: float
+    swing: float = field(metadata=measured_in("mm"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,8 +82,8 @@ class Lesson:
     """
 
     drive: Drive
-    t: FloatArray
-    xr: FloatArray
+    t: FloatArray = field(metadata=measured_in("s"))
+    xr: FloatArray = field(metadata=measured_in("mm"))
     recordings: dict[str, Recording]
     limit: StabilityLimit
     shown: tuple[Demonstration, ...]
@@ -113,7 +114,11 @@ def lesson(comparison: Comparison) -> Lesson:
         gain, reads = float(recording.excitation.gain or 0.0), recording.excitation.feedback or "x2"
         controller = proportional(gain, "x1" if reads == "x1" else "x2")
         name = f"P({reads}), {_P_TITLES[section]}"
-        shown.append(_demonstrated(drive, controller, name, f"{gain:.4g} V/mm · (xr - {reads})", reads, RIG_TIME_S, xr))
+        shown.append(
+            _demonstrated(
+                drive, controller, name, f"{drive.units.text(gain, 'V/mm')} · (xr - {reads})", reads, RIG_TIME_S, xr
+            )
+        )
     lab4 = design("lab4", drive, limit=comparison.limit)
     shown.append(
         _demonstrated(

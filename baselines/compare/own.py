@@ -1,6 +1,7 @@
 """Controllers of one's own in a comparison: objects in Python, code in a file, or a linear controller as data.
 
-A TOML file describes a :class:`~flexdrive_gym.LinearController` and runs nothing; a Python file is run, on purpose.
+A TOML file describes a :class:`~flexdrive_gym.LinearController` and runs nothing; a Python file is run, on purpose. Files speak
+the rig's units: their gains, limits, readings and commands are brought to the scale of the drive that they shall run on.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import inspect
 import sys
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from math import inf
 from pathlib import Path
@@ -20,7 +21,9 @@ from typing import Any
 from baselines.compare.entries import READS, Entry
 from baselines.controllers import SAMPLE_TIME_S
 from baselines.evaluation.adapters import PolicyController
-from flexdrive_gym import Controller, Drive, LinearController, PControl
+from flexdrive_gym import Controller, Drive, LinearController, Observation, PControl
+from flexdrive_gym.drive.controller import command_of
+from flexdrive_gym.units import Units
 
 FORMS = {
     "tf": ("numerator", "denominator", "reads", "domain"),
@@ -65,11 +68,12 @@ def own_entry(name: str, controller: Controller) -> Entry:
         title = f"own policy, acts every {1e3 * task.control_period:g} ms"
         # a policy shows what it learnt: it is swept, and stands with the agents
         return Entry(name, controller, title, READS[task.sensing], group=name, period=task.control_period, learnt=True)
-    plain: Any = controller
-    said = "" if inspect.isfunction(plain) else (inspect.getdoc(type(controller)) or "").partition("\n")[0]
+    plain: Any = controller.controller if isinstance(controller, OfRig) else controller
+    time = controller.units.one("s") if isinstance(controller, OfRig) else 1.0
+    said = "" if inspect.isfunction(plain) else (inspect.getdoc(type(plain)) or "").partition("\n")[0]
     return Entry(
-        name, controller, said or "own controller, a black box", getattr(controller, "reads", "x1, x2"), group=name,
-        period=float(getattr(controller, "sample_time", SAMPLE_TIME_S)),
+        name, controller, said or "own controller, a black box", getattr(plain, "reads", "x1, x2"), group=name,
+        period=time * float(getattr(plain, "sample_time", SAMPLE_TIME_S)),
     )  # fmt: skip
 
 
@@ -87,10 +91,10 @@ def load_own(name: str, drive: Drive, limit: float = inf) -> Entry:
     ----------
     name
         ``FILE.toml``, or ``FILE.py:Name`` with the name of a class, a function or an object. The file is run. A class is made
-        with the drive if its constructor asks for one argument, else with none; so is a function whose only argument is called
-        ``drive``; any other function is the controller itself.
+        with the drive, its numbers in the rig's units, if its constructor asks for one argument, else with none; so is a function
+        whose only argument is called ``drive``; any other function is the controller itself.
     drive
-        On which it shall run.
+        On which it shall run; its units are the file's.
     limit
         Of the command [V], for a linear controller without one.
 
@@ -100,7 +104,7 @@ def load_own(name: str, drive: Drive, limit: float = inf) -> Entry:
         For a missing file or name, or what is no controller.
     """
     if name.endswith(".toml"):
-        controller = load_linear(Path(name))
+        controller = load_linear(Path(name)).rescaled(drive.units)
         made = own_entry(Path(name).stem, controller.replace(limit=min(limit, controller.limit)))
         title = _table(Path(name)).get("title")
         return replace(made, title=str(title)) if title else made
@@ -110,7 +114,48 @@ def load_own(name: str, drive: Drive, limit: float = inf) -> Entry:
         raise ValueError(f"controllers: must name what to take from the file; got {name!r}. Try {name}:MyController.")
     if not file.is_file():
         raise FileNotFoundError(f"controllers: no file {file}.")
-    return own_entry(called, _made(_loaded(file, called), drive))
+    made = _made(_loaded(file, called), drive.in_rig_units())
+    return own_entry(called, in_engine_units(made, drive.units))
+
+
+@dataclass(frozen=True, eq=False)
+class OfRig:
+    """A black box that speaks a rig's units as one that speaks the engine's.
+
+    Parameters
+    ----------
+    controller
+        Called with times, positions and velocities of the rig; returns its command.
+    units
+        The rig's.
+    """
+
+    controller: Any
+    units: Units
+
+    def reset(self) -> None:
+        """Forget the past."""
+        reset = getattr(self.controller, "reset", None)  # a plain function has none
+        if reset is not None:
+            reset()
+
+    def __call__(self, observation: Observation, /) -> float:
+        """Return the command [V]."""
+        o, one = observation, self.units.one
+        x, v = one("mm"), one("mm/s")
+        told = Observation(o.t / one("s"), o.xr / x, o.x1 / x, o.x2 / x, o.v1 / v, o.v2 / v)
+        return command_of(self.controller, told) * one("V")
+
+
+def in_engine_units(controller: Any, units: Units) -> Controller:
+    """Return what a file made for a rig as a controller on the engine's scale; policies are on it already."""
+    if units.lab or isinstance(controller, PolicyController | type) or not callable(controller):
+        return controller  # type: ignore[no-any-return]
+    if isinstance(controller, PControl):
+        return PControl(units.to_engine(controller.gain, "V/mm"), controller.feedback)
+    if isinstance(controller, LinearController):
+        return controller.rescaled(units)
+    return OfRig(controller, units)
 
 
 def _loaded(file: Path, called: str) -> Any:

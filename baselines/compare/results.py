@@ -17,6 +17,7 @@ from baselines.loop_analysis.empirical_margins import EmpiricalMargins
 from baselines.loop_analysis.margins import Margins
 from flexdrive_gym import Drive
 from flexdrive_gym.recording import FloatArray
+from flexdrive_gym.units import measured_in
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,18 +46,18 @@ class Result:
     unseen
         Name of another reference to measures on the identified drive.
     measures
-        Every case's measures, ndarray, shape (cases, len(NAMES)).
+        Every case's measures in the engine's units, ndarray, shape (cases, len(NAMES)).
     """
 
-    entry: Entry
+    entry: Entry = field(metadata=measured_in(None))
     nominal: Measures
     margins: Margins | None
     empirical: EmpiricalMargins | None
     on_rig: EmpiricalMargins | None
-    swing: float | None
+    swing: float | None = field(metadata=measured_in("mm"))
     draws: Share | None
     stable_draws: Share | None
-    draw_rms: tuple[float, float, float] | None
+    draw_rms: tuple[float, float, float] | None = field(metadata=measured_in("mm"))
     effects: Mapping[str, Measures]
     unseen: Mapping[str, Measures]
     measures: FloatArray
@@ -107,11 +108,11 @@ class Comparison:
     """
 
     drive: Drive
-    cases: tuple[Case, ...]
+    cases: tuple[Case, ...] = field(metadata=measured_in(None))
     results: tuple[Result, ...]
-    limit: float
-    tolerance: float
-    duration: float
+    limit: float = field(metadata=measured_in("V"))
+    tolerance: float = field(metadata=measured_in("mm"))
+    duration: float = field(metadata=measured_in("s"))
     seed: int
     skipped: Mapping[str, str] = field(default_factory=dict)
 

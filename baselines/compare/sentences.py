@@ -8,20 +8,22 @@ from baselines.compare.results import Comparison
 
 
 def headline(comparison: Comparison) -> list[str]:
-    """Say in sentences what the comparison found."""
+    """Say in sentences what the comparison found, in the rig's units."""
+    units = comparison.drive.units
+    tolerance = units.text(comparison.tolerance, "mm")
     ranked = sorted(comparison.results, key=lambda r: (not r.nominal.success, r.nominal.rms))
     best = ranked[0]
     said = []
     if best.nominal.success:
         said.append(
-            f"Least tracking error among those that settle within {comparison.tolerance:g} mm in every dwell: {best.entry.name}, "
-            f"{best.nominal.rms:.2f} mm rms, {best.nominal.peak:.1f} mm peak."
+            f"Least tracking error among those that settle within {tolerance} in every dwell: {best.entry.name}, "
+            f"{units.text(best.nominal.rms, 'mm', 3)} rms, {units.text(best.nominal.peak, 'mm', 3)} peak."
         )
         failed = sum(not r.nominal.success for r in ranked)
         if failed:
             said.append(f"{failed} of {len(ranked)} do not settle in every dwell on the identified drive.")
     else:
-        said.append(f"No controller settles within {comparison.tolerance:g} mm in every dwell.")
+        said.append(f"No controller settles within {tolerance} in every dwell.")
     # alike on every draw: then the draws say nothing of who is more robust
     drawn = [r for r in ranked if r.draws is not None and r.nominal.success]
     fragile = [r for r in drawn if r.draws is not None and r.draws.value < 1.0]

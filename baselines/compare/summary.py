@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from baselines.compare.results import Comparison, Group
 from baselines.evaluation.statistics import NOTHING, Estimate, estimate_iqm, estimate_mean, probability_of_improvement
 from flexdrive_gym.recording import FloatArray
+from flexdrive_gym.units import measured_in
 
 
 @dataclass(frozen=True)
@@ -37,13 +38,13 @@ class Summary:
 
     name: str
     seeds: int
-    rms: Estimate
-    vibration: Estimate
-    effort: Estimate
+    rms: Estimate = field(metadata=measured_in("mm"))
+    vibration: Estimate = field(metadata=measured_in("V mm"))
+    effort: Estimate = field(metadata=measured_in("V"))
     failures: Estimate
-    effects: Estimate
+    effects: Estimate = field(metadata=measured_in("mm"))
     effect_failures: Estimate
-    unseen: Mapping[str, Estimate]
+    unseen: Mapping[str, Estimate] = field(metadata=measured_in("mm"))
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from typing import TYPE_CHECKING
 
 from baselines.evaluation.proportions import Share
+from baselines.loop_analysis.empirical_margins import SWING_MM
+from flexdrive_gym.units import LAB, Units, in_rig_units
 
 if TYPE_CHECKING:
     from baselines.compare.results import Comparison, Result
@@ -18,20 +20,29 @@ LINEAR = (
     "which the loop gain may be raised)."
 )
 BY_TRIAL = "By trial: the same limits found by simulating the linear drive."
-WITH_FRICTION = (
-    "With friction: simulated with friction, encoder counts and command limit, how much the gain may be raised or the command be "
-    "late until x2 swings more than 25 mm in the last six of twelve seconds after a move, or the command is at its limit for a "
-    "tenth of them. It is larger where friction stops what the linear loop would let grow."
-)
+
+
+def with_friction(units: Units = LAB) -> str:
+    """Say what a margin with friction is."""
+    return (
+        "With friction: simulated with friction, encoder counts and command limit, how much the gain may be raised or the "
+        f"command be late until x2 swings more than {units.text(SWING_MM, 'mm')} in the last six of twelve seconds after a move, "
+        "or the command is at its limit for a tenth of them. It is larger where friction stops what the linear loop would let "
+        "grow."
+    )
 
 
 @dataclass(frozen=True)
 class Table:
-    """A title, names of columns, rows of cells."""
+    """A title, names of columns with units in brackets, rows of cells."""
 
     title: str
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+
+    def of_rig(self, units: Units) -> Table:
+        """Return the table with the rig's names of units in its head; its cells are the rig's already."""
+        return replace(self, title=units.label(self.title), columns=tuple(map(units.label, self.columns)))
 
     def __str__(self) -> str:
         grid = [self.columns, *self.rows]
@@ -56,19 +67,30 @@ def share_cell(share: Share | None) -> str:
     return "–" if share is None else f"{share.value:.1%} ({share.low:.1%} … {share.high:.1%})"
 
 
-def loop_words(result: Result) -> str:
-    """Say what a loop does: in linear theory, and simulated with friction, counts and limit."""
+def loop_words(result: Result, units: Units = LAB) -> str:
+    """Say what a loop does: in linear theory, and simulated with friction, counts and limit; figures are the rig's."""
     linear = "" if result.margins is None else f"linearly {'stable' if result.margins.stable else 'unstable'}; "
-    return linear + doing(result.nominal.stable, result.swing)
+    return linear + doing(result.nominal.stable, result.swing, units)
 
 
-def doing(bounded: bool, swing: float | None) -> str:
-    """Say what a simulated loop does after a move, from the swing of a cart that stays [mm]; ``None`` where that is not known."""
+def doing(bounded: bool, swing: float | None, units: Units = LAB) -> str:
+    """Say what a simulated loop does after a move, from the swing of a cart that stays.
+
+    Parameters
+    ----------
+    bounded
+        Whether the run stayed within bounds.
+    swing
+        As the rig's owner reads it; ``None`` where it is not known.
+    units
+        The rig's.
+    """
     if not bounded or (swing is not None and not isfinite(swing)):
         return "grows"
     if swing is None:
         return "does not grow"
-    return "comes to rest" if swing < LEAST_SWING_MM else f"limit cycle of {swing:.2g} mm with friction"
+    least = LEAST_SWING_MM / units.one("mm")
+    return "comes to rest" if swing < least else f"limit cycle of {swing:.2g} {units.length} with friction"
 
 
 # below, what is left of a vibration is a few encoder counts
@@ -76,9 +98,10 @@ LEAST_SWING_MM = 0.1
 
 
 def overview_table(found: Comparison, results: Sequence[Result]) -> Table:
-    """Return what matters most of some controllers in a few columns, no wider than 80 characters."""
+    """Return what matters most of some controllers in a few columns, no wider than 80 characters; figures as they are given."""
+    limit = min(found.limit, found.drive.voltage_limit)
     return Table(
-        f"on “{found.drive.name}”, simulated, ±{min(found.limit, found.drive.voltage_limit):g} V",
+        f"on “{found.drive.name}”, simulated, ±{limit:.4g} {found.drive.units.command}",
         ("controller", "reads", "rms e [mm]", "peak [mm]", "settles", "vibration [V mm]", "GM linear", "GM with friction",
          "settles, draws"),
         tuple(
@@ -92,9 +115,10 @@ def overview_table(found: Comparison, results: Sequence[Result]) -> Table:
 
 
 def tracking_table(found: Comparison) -> Table:
-    """Return the measures along the handout's trajectory on the identified drive."""
+    """Return the measures along the handout's trajectory on the identified drive, figures as they are given."""
+    limit = min(found.limit, found.drive.voltage_limit)
     return Table(
-        f"tracking on “{found.drive.name}”, simulated, ±{min(found.limit, found.drive.voltage_limit):g} V",
+        f"tracking on “{found.drive.name}”, simulated, ±{limit:.4g} {found.drive.units.command}",
         ("controller", "reads", "rms e [mm]", "peak [mm]", "settling [s]", "overshoot [%]", "vibration [V mm]", "rms u [V]",
          "peak u [V]"),
         tuple(
@@ -105,8 +129,8 @@ def tracking_table(found: Comparison) -> Table:
     )  # fmt: skip
 
 
-def margins_table(found: Comparison) -> Table:
-    """Return the margins, each by its name."""
+def margins_table(found: Comparison, units: Units) -> Table:
+    """Return the margins, each by its name; figures as they are given, in the rig's ``units``."""
     return Table(
         "margins of the sampled linear loop (in brackets: by trial), and simulated with friction and limit",
         ("controller", "GM linear", "PM linear [deg]", "delay linear [ms]", "disk", "peak |S|", "rejection [V/mm]",
@@ -117,7 +141,7 @@ def margins_table(found: Comparison) -> Table:
              _pair(None if m is None else 1e3 * m.delay_margin, None if e is None else 1e3 * e.delay_margin),
              figure(None if m is None else m.disk_margin, 2), figure(None if m is None else m.sensitivity_peak, 3),
              figure(None if m is None else m.stiffness, 3), figure(None if f is None else f.gain_margin, 4),
-             figure(None if f is None else 1e3 * f.delay_margin, 4), loop_words(r))
+             figure(None if f is None else 1e3 * f.delay_margin, 4), loop_words(r, units))
             for r in found.results for m, e, f in [(r.margins, r.empirical, r.on_rig)]
         ),
     )  # fmt: skip
@@ -138,8 +162,11 @@ def robustness_table(found: Comparison) -> Table:
 
 
 def tables(found: Comparison) -> list[Table]:
-    """Return tracking, margins and robustness."""
-    return [tracking_table(found), margins_table(found), robustness_table(found)]
+    """Return tracking, margins and robustness in the rig's units."""
+    units, shown = found.drive.units, in_rig_units(found, found.drive.units)
+    return [
+        table.of_rig(units) for table in (tracking_table(shown), margins_table(shown, units), robustness_table(shown))
+    ]
 
 
 def side_by_side(found: Sequence[tuple[str, Comparison]]) -> Table:
@@ -159,12 +186,15 @@ def side_by_side(found: Sequence[tuple[str, Comparison]]) -> Table:
             if r is None:
                 row += ["–"] * 4
                 continue
+            r = in_rig_units(r, c.drive.units)
             gain = None if r.margins is None else r.margins.gain_margin
             rig = None if r.on_rig is None else r.on_rig.gain_margin
             row += [figure(r.nominal.rms, 3), "yes" if r.nominal.success else "no", figure(gain), figure(rig)]
         rows.append(tuple(row))
     head = [
-        f"{label}: {what}" for label, _c in found for what in ("rms e [mm]", "settles", "GM linear", "GM with friction")
+        c.drive.units.label(f"{label}: {what}")
+        for label, c in found
+        for what in ("rms e [mm]", "settles", "GM linear", "GM with friction")
     ]
     return Table("side by side", ("controller", *head), tuple(rows))
 

@@ -13,6 +13,7 @@ from baselines.compare.results import Comparison, Group, Result
 from baselines.compare.summary import Improvement, Summary
 from baselines.loop_analysis.describing_function import analytic_response
 from flexdrive_gym import LinearController
+from flexdrive_gym.units import Units, in_rig_units
 
 # what the project asks of an agent that reads x2: at most half of the error of P-control from x2
 AIM = 0.5
@@ -24,20 +25,24 @@ _AIM_OF, _AIM_AGAINST = "rl_x2", "p_x2"
 def learnt_verdicts(
     comparison: Comparison, summaries: Sequence[Summary], improvements: Sequence[Improvement]
 ) -> list[str]:
-    """Say of every learnt group how it stands against the classical designs, with intervals."""
+    """Say of every learnt group how it stands against the classical designs, with intervals, in the rig's units."""
+    units = comparison.drive.units
+    summaries = in_rig_units(summaries, units)
     by_name = {s.name: s for s in summaries}
     said = []
     for group in (g for g in comparison.groups if g.learnt):
         own = by_name[group.name]
         said.append(
             f"{group.name} ({_seeds(own.seeds)}): interquartile mean of the rms error over {_drives(comparison)} "
-            f"{own.rms} mm, {own.failures.value:.0%} of the runs fail."
+            f"{own.rms} {units.length}, {own.failures.value:.0%} of the runs fail."
         )
         p = by_name.get(_AIM_AGAINST)
         if p is not None and group.name == _AIM_OF and p.rms.value > 0.0:
             ratio = own.rms.value / p.rms.value
             word = "meets" if ratio <= AIM else "misses"
-            said.append(f"That is {ratio:.0%} of {p.name}'s {p.rms.value:.3g} mm: it {word} the aim of {AIM:.0%}.")
+            said.append(
+                f"That is {ratio:.0%} of {p.name}'s {p.rms.value:.3g} {units.length}: it {word} the aim of {AIM:.0%}."
+            )
         said += _standing(group.name, [i for i in improvements if i.learnt == group.name])
         said += _same_period(comparison, group, by_name)
     return said
@@ -86,13 +91,19 @@ def _same_period(comparison: Comparison, group: Group, by_name: dict[str, Summar
     best = min(candidates, key=lambda g: by_name[g.name].rms.value)
     sentence = (
         f"At the same {1e3 * entry.period:g} ms and from the same encoder the best classical design is {best.name}, "
-        f"{by_name[best.name].rms} mm."
+        f"{by_name[best.name].rms} {comparison.drive.units.length}."
     )
     return [sentence]
 
 
 def where_it_loses(comparison: Comparison, summaries: Sequence[Summary], found: Behaviour) -> list[str]:
-    """Say along which references and with which effects learnt groups lose, and what their behaviour shows of the reason."""
+    """Say along which references and with which effects learnt groups lose, and what their behaviour shows of the reason.
+
+    All are given in the engine's units and told in the rig's.
+    """
+    units = comparison.drive.units
+    comparison, found = in_rig_units(comparison, units), in_rig_units(found, units)
+    summaries, mm = in_rig_units(summaries, units), units.length
     by_name = {s.name: s for s in summaries}
     said = []
     for group in (g for g in comparison.groups if g.learnt):
@@ -103,12 +114,12 @@ def where_it_loses(comparison: Comparison, summaries: Sequence[Summary], found: 
         pairs = [(HANDOUT, own.rms.value, other.rms.value)]
         pairs += [(name, own.unseen[name].value, other.unseen[name].value) for name in own.unseen]
         lost = sorted(((a / b, name, a, b) for name, a, b in pairs if a > b > 0.0), reverse=True)
-        won = [f"{name} ({a:.3g} against {b:.3g} mm)" for name, a, b in pairs if a <= b]
+        won = [f"{name} ({a:.3g} against {b:.3g} {mm})" for name, a, b in pairs if a <= b]
         if lost:
             said.append(
                 f"{group.name} loses against {classical.entry.name}, the best classical design from the same encoder, "
                 "along "
-                + ", ".join(f"{name} ({a:.3g} against {b:.3g} mm)" for _ratio, name, a, b in lost)
+                + ", ".join(f"{name} ({a:.3g} against {b:.3g} {mm})" for _ratio, name, a, b in lost)
                 + (f"; it wins along {', '.join(won)}." if won else "; it wins along none.")
             )
         else:
@@ -116,11 +127,11 @@ def where_it_loses(comparison: Comparison, summaries: Sequence[Summary], found: 
                 f"{group.name} has less error than {classical.entry.name}, the best classical design from the same encoder, "
                 f"along every reference: {', '.join(won)}."
             )
-        said += _price(group, classical, own, other)
+        said += _price(group, classical, own, other, units)
         said += _lost_effects(group, classical.entry.name, comparison)
         shown, theirs = found.find(group.middle.entry.name), found.find(classical.entry.name)
         if shown is not None and theirs is not None:
-            said += _why(shown, theirs, found, comparison)
+            said += _why(shown, theirs, found, comparison, units)
     return said
 
 
@@ -142,29 +153,33 @@ def _lost_effects(group: Group, classical: str, comparison: Comparison) -> list[
     return [f"With {'; '.join(lost)} most seeds of {group.name} fail where {classical} settles."]
 
 
-def _why(shown: Shown, classical: Shown, found: Behaviour, comparison: Comparison) -> list[str]:
+def _why(shown: Shown, classical: Shown, found: Behaviour, comparison: Comparison, units: Units) -> list[str]:
     """Say what the runs and the sweep show: error of moves or rests, equivalent gain at rest, margins."""
     said = []
+    mm, per_mm = units.length, units.name("V/mm")
     ours, theirs = shown.parts[HANDOUT], classical.parts[HANDOUT]
     if isfinite(ours.resting) and isfinite(theirs.resting):
         said.append(
-            f"Along the handout's trajectory {shown.name} (the middle seed) errs by {ours.moving:.2f} mm rms in the moves and "
-            f"{ours.resting:.2f} mm in the rests, {classical.name} by {theirs.moving:.2f} and {theirs.resting:.2f} mm; at the "
-            f"end of the rests {ours.offset:.2f} mm are left, of {classical.name} {theirs.offset:.2f} mm."
+            f"Along the handout's trajectory {shown.name} (the middle seed) errs by {ours.moving:.3g} {mm} rms in the moves "
+            f"and {ours.resting:.3g} {mm} in the rests, {classical.name} by {theirs.moving:.3g} and {theirs.resting:.3g} {mm}; "
+            f"at the end of the rests {ours.offset:.3g} {mm} are left, of {classical.name} {theirs.offset:.3g} {mm}."
         )
     lab4 = found.find("lab4")
     if shown.sweep is not None and lab4 is not None and isinstance(lab4.result.entry.controller, LinearController):
         slow = float(shown.sweep.frequencies[0])
         gains = np.abs(shown.sweep.response[:, 0])
-        reference = abs(analytic_response(lab4.result.entry.controller, "x2", [slow])[0])
+        reference = abs(analytic_response(lab4.result.entry.controller, "x2", [slow * units.one("Hz")])[0]) / units.one(
+            "V/mm"
+        )
         friction = comparison.drive["d1"] + comparison.drive["d2"]
         low, high = float(np.min(gains)), float(np.max(gains))
-        span = f"{low:.2g} V/mm" if high < 1.05 * low else f"{low:.2g} … {high:.2g} V/mm over amplitudes"
+        span = f"{low:.2g} {per_mm}" if high < 1.05 * low else f"{low:.2g} … {high:.2g} {per_mm} over amplitudes"
         small = shown.sweep.amplitudes[0]
         answer = float(gains[0]) * small
         said.append(
-            f"At {slow:g} Hz its equivalent gain is {span}, Lab 4's {reference:.2g} V/mm (integral action). A slow error of "
-            f"{small:g} mm draws {answer:.2f} V from it; the carts' dry friction is {friction:.2f} V, so "
+            f"At {slow:g} Hz its equivalent gain is {span}, Lab 4's {reference:.2g} {per_mm} (integral action). A slow error of "
+            f"{small:.3g} {mm} draws {answer:.3g} {units.command} from it; the carts' dry friction is {friction:.3g} "
+            f"{units.command}, so "
             + (
                 "it moves them out of such an error."
                 if answer > friction
@@ -174,11 +189,11 @@ def _why(shown: Shown, classical: Shown, found: Behaviour, comparison: Compariso
     return said
 
 
-def _price(group: Group, classical: Result, own: Summary, other: Summary) -> list[str]:
+def _price(group: Group, classical: Result, own: Summary, other: Summary, units: Units) -> list[str]:
     """Hold vibration, effort and margins on the rig against the classical design's; margins are the median over seeds."""
     pairs = [
-        ("vibration in the rests", "V mm", own.vibration.value, other.vibration.value, True),
-        ("rms of the command", "V", own.effort.value, other.effort.value, True),
+        ("vibration in the rests", units.name("V mm"), own.vibration.value, other.vibration.value, True),
+        ("rms of the command", units.command, own.effort.value, other.effort.value, True),
     ]
     trials = [r.on_rig for r in group.results if r.on_rig is not None]
     if trials and classical.on_rig is not None:
@@ -202,10 +217,10 @@ def _price(group: Group, classical: Result, own: Summary, other: Summary) -> lis
     failing = [r.entry.name for r in group.results if r.on_rig is None]
     if failing and trials:
         said.append(f"As they are, {', '.join(failing)} fail the simulated trial with friction: they have no margin.")
-    return said + _seeds_differ(group)
+    return said + _seeds_differ(group, units)
 
 
-def _seeds_differ(group: Group) -> list[str]:
+def _seeds_differ(group: Group, units: Units) -> list[str]:
     """Say how far apart the seeds are."""
     if len(group.results) < 2:
         return []
@@ -215,7 +230,7 @@ def _seeds_differ(group: Group) -> list[str]:
         low, high = ranked[0], ranked[-1]
         said.append(
             f"{words} from {_figure(getattr(low.nominal, name))} ({low.entry.name}) to "
-            f"{_figure(getattr(high.nominal, name))} {unit} ({high.entry.name})"
+            f"{_figure(getattr(high.nominal, name))} {units.name(unit)} ({high.entry.name})"
         )
     return [f"Its seeds differ on the identified drive: {'; '.join(said)}."]
 

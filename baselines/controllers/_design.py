@@ -17,6 +17,7 @@ from flexdrive_gym import Drive, LinearController
 from flexdrive_gym.drive.batch.closed_loop import run_batch
 from flexdrive_gym.drive.default import HANDOUT_QUANTUM_MM
 from flexdrive_gym.recording import FloatArray
+from flexdrive_gym.units import measured_in
 
 if TYPE_CHECKING:
     import control
@@ -49,7 +50,7 @@ class Specification:
         Of a lead [].
     """
 
-    crossover: float = 25.0
+    crossover: float = field(default=25.0, metadata=measured_in("rad/s"))
     gain_margin: float = 2.0
     phase_margin_deg: float = 30.0
     reserve_deg: float = 10.0
@@ -278,7 +279,7 @@ def _violation(drive: Drive, controller: LinearController, demands: Demands) -> 
         (peak / demands.sensitivity, f"sensitivity peak {peak:.2f} instead of at most {demands.sensitivity:g}"),
         (demands.delay_margin / max(delay, 1e-9),
          f"delay margin {1e3 * delay:.1f} ms instead of at least {1e3 * demands.delay_margin:g} ms"),
-        (jump / demands.count, f"one encoder count moves the command by {jump:.2f} V, not at most {demands.count:g} V"),
+        (jump / demands.count, f"one encoder count moves the command {jump / demands.count:.1f} times as far as demanded"),
     )  # fmt: skip
     return max(found)
 

@@ -6,13 +6,14 @@ an encoder may say otherwise. A *dwell* is a stretch of at least 0.15 s in which
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from math import inf, nan
 
 import numpy as np
 
 from flexdrive_gym import Drive, Recording
 from flexdrive_gym.recording import FloatArray
+from flexdrive_gym.units import measured_in
 
 TOLERANCE_MM = 2.0
 TRAVEL_MM = 250.0
@@ -46,13 +47,13 @@ class Measures:
         Stable, and settled within the tolerance in every dwell.
     """
 
-    rms: float
-    peak: float
-    settling: float
+    rms: float = field(metadata=measured_in("mm"))
+    peak: float = field(metadata=measured_in("mm"))
+    settling: float = field(metadata=measured_in("s"))
     overshoot: float
-    vibration: float
-    effort: float
-    effort_peak: float
+    vibration: float = field(metadata=measured_in("V mm"))
+    effort: float = field(metadata=measured_in("V"))
+    effort_peak: float = field(metadata=measured_in("V"))
     limited: float
     stable: bool
     success: bool

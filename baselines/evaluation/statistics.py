@@ -40,13 +40,18 @@ class Estimate:
     value: float
     low: float
     high: float
+    resolved: float = _RESOLVED
 
     def __str__(self) -> str:
         if not np.isfinite(self.value):
             return "–"
         if self.low == self.high:
-            return _figure(self.value)
-        return f"{_figure(self.value)} [{_figure(self.low)}, {_figure(self.high)}]"
+            return self._figure(self.value)
+        return f"{self._figure(self.value)} [{self._figure(self.low)}, {self._figure(self.high)}]"
+
+    def _figure(self, value: float) -> str:
+        """Return three digits; what no measure of a run resolves is not spelt out."""
+        return f"{value:.3g}" if value == 0.0 or abs(value) >= self.resolved else f"<{self.resolved:.1g}"
 
     @property
     def percent(self) -> str:
@@ -54,11 +59,6 @@ class Estimate:
         if not np.isfinite(self.value):
             return "–"
         return f"{self.value:.0%}" if self.low == self.high else f"{self.value:.0%} [{self.low:.0%}, {self.high:.0%}]"
-
-
-def _figure(value: float) -> str:
-    """Return three digits; what no measure of a run resolves is not spelt out."""
-    return f"{value:.3g}" if value == 0.0 or abs(value) >= _RESOLVED else f"<{_RESOLVED:g}"
 
 
 NOTHING = Estimate(float("nan"), float("nan"), float("nan"))

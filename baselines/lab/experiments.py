@@ -49,11 +49,15 @@ def p_control(
         handout_trajectory(t),
         PControl(gain, feedback),
         travel_limit=TRAVEL_MM,
-        name=name or f"pctrl_{feedback}_kp{gain:.4g}",
+        name=name or _p_name(drive, gain, feedback),
     )
     touches = bool(np.max(np.abs(run.u)) >= rig.voltage_limit)
     excitation = replace(run.excitation, frequency=0.5, limit=rig.voltage_limit if touches else None)
     return replace(run, excitation=excitation, v1=None, v2=None)
+
+
+def _p_name(drive: Drive, gain: float, feedback: str) -> str:
+    return f"pctrl_{feedback}_kp{drive.units.of_rig(gain, 'V/mm')[0]:.4g}"
 
 
 def limit_in_the_lab(drive: Drive, near: float | None = None) -> float | None:
@@ -94,13 +98,15 @@ def open_loop(drive: Drive, kind: Literal["square", "sine"], amplitude: float, f
     """Run an open-loop excitation for 8 s (2.5, 2.6); velocities are recorded as the rig makes them."""
     t = _times(DURATION_S)
     u = (square if kind == "square" else sine)(t, amplitude, frequency)
-    run = with_rig(drive).simulate(t, u, name=f"{kind}_{_short(amplitude)}V_{_short(frequency)}Hz")
+    size, unit = drive.units.of_rig(amplitude, "V")
+    name = f"{kind}_{_short(size)}{unit.replace(' ', '')}_{_short(drive.units.of_rig(frequency, 'Hz')[0])}Hz"
+    run = with_rig(drive).simulate(t, u, name=name)
     return replace(run, excitation=Excitation(kind, amplitude, frequency), x1=None, x2=None)
 
 
 def _short(value: float) -> str:
     """Return a number for a file's name: with one decimal as on the rig, with more where two values would share a name."""
-    return f"{value:.1f}" if abs(value - round(value, 1)) < 1e-9 else f"{value:g}"
+    return f"{value:.1f}" if abs(value - round(value, 1)) < 1e-9 else f"{value:.4g}"
 
 
 def stability_experiments(drive: Drive) -> dict[str, Recording]:
@@ -117,9 +123,9 @@ def stability_experiments(drive: Drive) -> dict[str, Recording]:
     if limit is not None:
         # "a little above": enough to see the growth within the four seconds that are recorded
         unstable = 1.03 * limit
-        runs["2.2"] = p_control(drive, limit, "x2", name=f"pctrl_x2_kp{limit:.4g}_critical")
-        runs["2.3"] = p_control(drive, unstable, "x2", name=f"pctrl_x2_kp{unstable:.4g}_unstable")
-        runs["2.4"] = p_control(drive, unstable, "x1", name=f"pctrl_x1_kp{unstable:.4g}_collocated")
+        runs["2.2"] = p_control(drive, limit, "x2", name=f"{_p_name(drive, limit, 'x2')}_critical")
+        runs["2.3"] = p_control(drive, unstable, "x2", name=f"{_p_name(drive, unstable, 'x2')}_unstable")
+        runs["2.4"] = p_control(drive, unstable, "x1", name=f"{_p_name(drive, unstable, 'x1')}_collocated")
     return runs
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf, isfinite, nan
 
 import numpy as np
@@ -18,6 +18,7 @@ from flexdrive_gym import Drive, LinearController
 from flexdrive_gym.drive.batch.closed_loop import run_batch
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.references import handout_trajectory
+from flexdrive_gym.units import LAB, Units, measured_in
 
 LIMITS_V = (4.0, 8.0)
 STEP_MM = 10.0
@@ -64,10 +65,10 @@ class Response:
         Largest |x2| and its value at the end [mm].
     """
 
-    rise: float
+    rise: float = field(metadata=measured_in("s"))
     overshoot: float
-    peak: float
-    final: float
+    peak: float = field(metadata=measured_in("mm"))
+    final: float = field(metadata=measured_in("mm"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,10 +83,10 @@ class Run:
         x1, v1, x2, v2, ndarray, shape (4, n).
     """
 
-    t: FloatArray
-    xr: FloatArray
-    u: FloatArray
-    states: FloatArray
+    t: FloatArray = field(metadata=measured_in("s"))
+    xr: FloatArray = field(metadata=measured_in("mm"))
+    u: FloatArray = field(metadata=measured_in("V"))
+    states: FloatArray = field(metadata=measured_in(("mm", "mm/s", "mm", "mm/s")))
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,13 +108,13 @@ class Stage:
     """
 
     name: str
-    design: Design
+    design: Design = field(metadata=measured_in(None))
     margins: Margins
     step: Response
     disturbance: Response
     rig_disturbance: Response
-    rig_steps: Mapping[float, Response]
-    tracking: Mapping[float, Measures]
+    rig_steps: Mapping[float, Response] = field(metadata=measured_in("", keys="V"))
+    tracking: Mapping[float, Measures] = field(metadata=measured_in("", keys="V"))
     runs: Mapping[str, Run]
 
 
@@ -148,21 +149,21 @@ class Lab4Study:
     lines: tuple[Line, ...]
 
 
-def check(specification: Specification, found: Margins, values: Lab4) -> tuple[Line, ...]:
-    """Hold margins against the specification, line by line."""
-    s = specification
+def check(specification: Specification, found: Margins, values: Lab4, units: Units = LAB) -> tuple[Line, ...]:
+    """Hold margins against the specification, line by line; figures are the engine's, and told in the rig's units."""
+    s, per_second = specification, units.one("rad/s")
     if not found.stable:
         return (Line("stability", "stable", "unstable", met=False, missed_by="the loop is unstable"),)
     off = found.crossover / s.crossover - 1.0
     gm, pm = found.gain_margin - s.gain_margin, found.phase_margin_deg - s.phase_margin_deg
     return (
-        _line("crossover", f"{s.crossover:g} rad/s", f"{found.crossover:.2f} rad/s", abs(off) <= _CROSSOVER_TOLERANCE,
-              f"{off:+.1%}"),
+        _line("crossover", f"{s.crossover / per_second:g} rad/s", f"{found.crossover / per_second:.2f} rad/s",
+              abs(off) <= _CROSSOVER_TOLERANCE, f"{off:+.1%}"),
         _line("gain margin, linear", f"≥ {s.gain_margin:g}", f"{found.gain_margin:.2f}", gm >= 0.0, f"{-gm:.2f}"),
         _line("phase margin, linear", f"≥ {s.phase_margin_deg:g}°", f"{found.phase_margin_deg:.1f}°", pm >= 0.0, f"{-pm:.1f}°"),
         _line(
-            "steady-state error to a step disturbance", "0", _static(found), not isfinite(found.static_stiffness),
-            "" if not isfinite(found.static_stiffness) else f"{1.0 / found.static_stiffness:.2f} mm per V",
+            "steady-state error to a step disturbance", "0", _static(found, units), not isfinite(found.static_stiffness),
+            _static(found, units),
         ),
         _line("α of a lead", f"≤ {s.largest_alpha:g}", f"{values.alpha:.1f}", values.shortfall_deg == 0.0,
               f"{values.shortfall_deg:.1f}° of lead"),
@@ -173,15 +174,18 @@ def _line(name: str, demand: str, reached: str, met: bool, missed: str) -> Line:
     return Line(name, demand, reached, met, "" if met else missed)
 
 
-def _static(found: Margins) -> str:
-    return "0" if not isfinite(found.static_stiffness) else f"{1.0 / found.static_stiffness:.2f} mm per V"
+def _static(found: Margins, units: Units) -> str:
+    if not isfinite(found.static_stiffness):
+        return "0"
+    compliance = units.of_rig(1.0 / found.static_stiffness, "mm/V")[0]
+    return f"{compliance:.3g} {units.length} per {units.command}"
 
 
 def study_lab_4(
     drive: Drive,
     *,
     specification: Specification = LAB_4,
-    limits: Sequence[float] = LIMITS_V,
+    limits: Sequence[float] | None = None,
     sample_time: float = SAMPLE_TIME_S,
 ) -> Lab4Study:
     """Design and try every stage of Lab 4.
@@ -191,13 +195,16 @@ def study_lab_4(
     drive
         With two carts; the handout's encoder counts are added where it has none.
     limits
-        Of the command, for the tracking runs [V].
+        Of the command, for the tracking runs [V]; default: the handout's ±4 V and ±8 V, or half and all of what another rig has.
 
     Raises
     ------
     ValueError
         For a rigid drive.
     """
+    if limits is None:
+        own = with_rig(drive).voltage_limit
+        limits = LIMITS_V if drive.units.lab else (0.5 * own, own)
     by_hand = design_lab_4(drive, specification)
     refined, met = refine(drive, specification, sample_time)
     hand = stage("integral", drive, sample_time=sample_time, specification=specification, by_the_handout=True)
@@ -207,8 +214,9 @@ def study_lab_4(
         for name in STAGES
     )
     return Lab4Study(
-        drive, specification, by_hand, refined, met, hand_margins, check(specification, hand_margins, by_hand), stages,
-        check(specification, stages[-1].margins, refined),
+        drive, specification, by_hand, refined, met, hand_margins,
+        check(specification, hand_margins, by_hand, drive.units), stages,
+        check(specification, stages[-1].margins, refined, drive.units),
     )  # fmt: skip
 
 
@@ -228,11 +236,12 @@ def _study_stage(name: str, made: Design, drive: Drive, limits: Sequence[float])
     tracking, rig_steps = {}, {}
     begin = round(_AT_S / Ts)
     for limit in limits:
-        name_of_step = f"step ±{limit:g} V"
+        said = f"±{drive.units.text(limit, 'V')}"
+        name_of_step = f"step {said}"
         runs[name_of_step] = _run(loose, made.controller.replace(limit=limit), t, STEP_MM * late, 0.0 * t)
         rig_steps[limit] = _respond(runs[name_of_step], begin)
         run = _run(loose, made.controller.replace(limit=limit), track, handout_trajectory(track), 0.0 * track)
-        runs[f"tracking ±{limit:g} V"] = run
+        runs[f"tracking {said}"] = run
         tracking[limit] = measure(rig, run.xr, run.states, run.u, Ts, limit=limit)
     found = margins(drive, made.controller)
     return Stage(
@@ -271,11 +280,12 @@ def verdict(study: Lab4Study) -> list[str]:
             + "."
         ]
     )
+    units = study.drive.units
     left = [line for line in study.lines if not line.met]
     if not left and study.met:
         said.append(
             f"With {study.refined.reserve_deg:.0f}° in reserve and the integral at "
-            f"{study.refined.omega_i:.3g} rad/s every line is met."
+            f"{study.refined.omega_i / units.one('rad/s'):.3g} rad/s every line is met."
         )
     elif left:
         said.append(

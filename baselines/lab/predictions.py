@@ -43,7 +43,10 @@ def _values(drive: Drive) -> dict[str, tuple[float | None, str]]:
     feedback: Feedback = "x2" if drive.carts == 2 else "x1"
     known = figures(drive)
     found = {title: (known[name].of(drive), known[name].unit) for name, title in _TITLES.items() if name in known}
-    name = f"error of {feedback} after a {STROKE_MM:g} mm step at Kp = {STABLE_GAIN:g} V/mm"
+    name = (
+        f"error of {feedback} after a step of {drive.units.text(STROKE_MM, 'mm')} at "
+        f"Kp = {drive.units.text(STABLE_GAIN, 'V/mm')}"
+    )
     found[name] = (settled_error(drive, feedback), "mm")
     return {title: (value, "–" if unit == "1" else unit) for title, (value, unit) in found.items()}
 

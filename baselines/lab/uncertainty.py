@@ -287,7 +287,8 @@ class LoopUncertainty:
     unstable
         Share of the draws on which the linear loop is unstable, 0…1.
     ci95
-        Of ``crossover`` [rad/s], ``gain_margin`` and ``phase_margin_deg``, over the stable ones; empty where hardly any is.
+        Of ``crossover`` [rad/s], ``gain_margin`` and ``phase_margin_deg``, in the rig's units, over the stable ones; empty where
+        hardly any is.
     draws
         How many.
     """
@@ -306,8 +307,12 @@ def loop_uncertainty(
     found = [margins(other, controller) for other in drive.draw(np.random.default_rng(seed), draws)]
     stable = [m for m in found if m.stable]
     names = ("crossover", "gain_margin", "phase_margin_deg") if len(stable) > 1 else ()
+    ones = {"crossover": drive.units.one("rad/s")}
     ci95 = {
-        name: tuple(map(float, np.quantile([getattr(m, name) for m in stable], [0.025, 0.975], method="nearest")))
+        name: tuple(
+            float(x) / ones.get(name, 1.0)
+            for x in np.quantile([getattr(m, name) for m in stable], [0.025, 0.975], method="nearest")
+        )
         for name in names
     }
     return LoopUncertainty(1.0 - len(stable) / draws, ci95, draws)  # type: ignore[arg-type]

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from math import inf
 
@@ -31,6 +31,7 @@ from baselines.loop_analysis.loops import ComplexArray, linear_part, response, s
 from flexdrive_gym import Controller, Drive, LinearController, Observation
 from flexdrive_gym.drive.default import HANDOUT_QUANTUM_MM
 from flexdrive_gym.recording import FloatArray
+from flexdrive_gym.units import measured_in
 
 AMPLITUDES_MM = (0.5, 2.0, 8.0)
 WINDOW_S = 4.0
@@ -58,9 +59,9 @@ class Sweep:
         ``x1`` or ``x2``, which encoder the sine was put on; with both, both move alike.
     """
 
-    frequencies: FloatArray
-    amplitudes: FloatArray
-    response: ComplexArray
+    frequencies: FloatArray = field(metadata=measured_in("Hz"))
+    amplitudes: FloatArray = field(metadata=measured_in("mm"))
+    response: ComplexArray = field(metadata=measured_in("V/mm"))
     reads: str
 
 

@@ -14,7 +14,7 @@ held back between controller and drive, the rest is the drive's own input delay.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf, isfinite, nan
 from typing import Literal
 
@@ -26,6 +26,7 @@ from baselines.loop_analysis.stability_limit import with_rig
 from flexdrive_gym import Controller, Drive, LinearController
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.references import point_to_point
+from flexdrive_gym.units import measured_in
 
 On = Literal["linear", "full"]
 
@@ -34,7 +35,7 @@ LARGEST_DELAY_S = 1.0
 _START_MM = 1.0
 _DURATION_S = 12.0
 _WINDOW_S = 6.0
-_SWING_MM = 25.0
+SWING_MM = 25.0
 _PRECISION = 2e-3
 _FAR_MM = 1e6
 _AT_ONCE = 14
@@ -60,9 +61,9 @@ class EmpiricalMargins:
     """
 
     gain_margin: float
-    delay_margin: float
+    delay_margin: float = field(metadata=measured_in("s"))
     on: On
-    swing: float = nan
+    swing: float = field(default=nan, metadata=measured_in("mm"))
 
 
 class NoMarginsError(ValueError):
@@ -120,7 +121,7 @@ def _grows_linear(x: FloatArray) -> bool:
 def _grows_full(x: FloatArray, u: FloatArray, limit: float, sample_time: float) -> bool:
     """Whether the second cart swings too far at the end, or the command vibrates between its limits."""
     late = slice(-round(_WINDOW_S / sample_time), None)
-    if not np.max(np.abs(x[late])) < _FAR_MM or float(np.ptp(x[late])) > _SWING_MM:
+    if not np.max(np.abs(x[late])) < _FAR_MM or float(np.ptp(x[late])) > SWING_MM:
         return True
     return float(np.mean(np.abs(u[late]) > 0.999 * limit)) > _LIMITED_SHARE
 

@@ -8,7 +8,7 @@ crossovers.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf, pi
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy as np
 from baselines.loop_analysis.loops import closed_loop_response, is_stable, loop_response
 from flexdrive_gym import Drive, LinearController, PControl
 from flexdrive_gym.recording import FloatArray
+from flexdrive_gym.units import measured_in
 
 _POINTS = 2400
 _SLOWEST = 0.02
@@ -53,16 +54,16 @@ class Margins:
     """
 
     stable: bool
-    crossover: float
+    crossover: float = field(metadata=measured_in("rad/s"))
     gain_margin: float
     gain_margin_down: float
-    gain_margin_at: float
+    gain_margin_at: float = field(metadata=measured_in("rad/s"))
     phase_margin_deg: float
-    delay_margin: float
+    delay_margin: float = field(metadata=measured_in("s"))
     disk_margin: float
     sensitivity_peak: float
-    stiffness: float
-    static_stiffness: float
+    stiffness: float = field(metadata=measured_in("V/mm"))
+    static_stiffness: float = field(metadata=measured_in("V/mm"))
 
 
 def frequencies(drive: Drive, sample_time: float) -> FloatArray:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -21,7 +21,7 @@ from flexdrive_gym.drive.default import HANDOUT_LIMIT_V, HANDOUT_QUANTUM_MM
 from flexdrive_gym.drive.sample import WORK_SPACE
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.references import point_to_point
-from flexdrive_gym.units import Units
+from flexdrive_gym.units import measured_in
 
 Feedback = Literal["x1", "x2"]
 
@@ -36,13 +36,16 @@ _PRECISION, _ROUGH = 2e-3, 1e-2
 
 
 def with_rig(drive: Drive) -> Drive:
-    """Return the drive with the handout's encoder counts and command limit where it has none of its own."""
-    defaults = {
-        "saturation.limit": HANDOUT_LIMIT_V,
-        "encoder_quantisation.encoder_1.quantum": HANDOUT_QUANTUM_MM,
-    }
-    if drive.carts == 2:
-        defaults["encoder_quantisation.encoder_2.quantum"] = HANDOUT_QUANTUM_MM
+    """Return the drive with what its file does not say of sensors and amplifier.
+
+    The lab's rig has the handout's encoder counts and command limit. Of another rig nothing is known but that the largest
+    recorded command is within its limit.
+    """
+    defaults = {}
+    if drive.units.lab:
+        defaults = {f"encoder_quantisation.encoder_{i}.quantum": HANDOUT_QUANTUM_MM for i in range(1, drive.carts + 1)}
+    reached = drive.recorded.u if drive.recorded is not None and not drive.units.lab else 0.0
+    defaults["saturation.limit"] = reached or HANDOUT_LIMIT_V
     missing = {k: v for k, v in defaults.items() if k not in drive.values}
     if not missing:
         return drive
@@ -160,20 +163,12 @@ class StabilityLimit:
         [V/mm]
     """
 
-    critical_gain_linear: float | None
-    critical_gain_margin: float | None
-    critical_gain_simulated: float | None
-    vibration: float | None
+    critical_gain_linear: float | None = field(metadata=measured_in("V/mm"))
+    critical_gain_margin: float | None = field(metadata=measured_in("V/mm"))
+    critical_gain_simulated: float | None = field(metadata=measured_in("V/mm"))
+    vibration: float | None = field(metadata=measured_in("rad/s"))
     phase_margin_deg: float | None
-    at_gain: float
-
-    def of_rig(self, units: Units) -> StabilityLimit:
-        """Return the limits as the rig's owner reads them."""
-        one = units.one("V/mm")
-        gains = (self.critical_gain_linear, self.critical_gain_margin, self.critical_gain_simulated)
-        linear, margin, simulated = (None if gain is None else gain / one for gain in gains)
-        vibration = None if self.vibration is None else self.vibration / units.one("Hz")
-        return StabilityLimit(linear, margin, simulated, vibration, self.phase_margin_deg, self.at_gain / one)
+    at_gain: float = field(metadata=measured_in("V/mm"))
 
 
 def _finite(value: float, upper: float = math.inf) -> float | None:

@@ -8,13 +8,16 @@ import numpy as np
 
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.rendering import Frame, Renderer
+from flexdrive_gym.units import LAB, Units
 
 SIZE = (640, 320)
 FPS = 10.0
 _COLOURS = 32
 
 
-def animated(t: FloatArray, xr: FloatArray, run: FloatArray, title: str, voltage_limit: float) -> bytes:
+def animated(
+    t: FloatArray, xr: FloatArray, run: FloatArray, title: str, voltage_limit: float, units: Units = LAB
+) -> bytes:
     """Return a run as a GIF that repeats, in the pace of the run.
 
     Parameters
@@ -27,6 +30,8 @@ def animated(t: FloatArray, xr: FloatArray, run: FloatArray, title: str, voltage
         On top of the picture.
     voltage_limit
         Of the command [V].
+    units
+        The rig's, in which it is drawn; what is given is the engine's.
 
     Raises
     ------
@@ -40,7 +45,7 @@ def animated(t: FloatArray, xr: FloatArray, run: FloatArray, title: str, voltage
     pictures = []
     for i in range(len(t)):
         x1, _v1, x2, _v2, u = (float(v) for v in run[:, i])
-        renderer.add(Frame(float(t[i]), x1, x2, float(xr[i]), u, voltage_limit=voltage_limit, title=title))
+        renderer.add(Frame(float(t[i]), x1, x2, float(xr[i]), u, voltage_limit=voltage_limit, title=title, units=units))
         if i % every == 0:
             pictures.append(Image.fromarray(np.asarray(renderer.render())))
     renderer.close()

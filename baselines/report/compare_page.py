@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from baselines.compare import Comparison, Result, behaviour, headline, shortlist, summarise
 from baselines.compare.comparison import instants
 from baselines.compare.shortlist import MOST
-from baselines.compare.tables import BY_TRIAL, LINEAR, WITH_FRICTION, loop_words, overview_table, share_cell
+from baselines.compare.tables import BY_TRIAL, LINEAR, loop_words, overview_table, share_cell, with_friction
 from baselines.evaluation.rollout import run_many
 from baselines.report import control_plots as plots
 from baselines.report.design_page import cell
@@ -15,12 +15,15 @@ from baselines.report.learnt_section import behaviour_section, statistics_sectio
 from baselines.report.page import Section, render
 from flexdrive_gym import LinearController, __version__
 from flexdrive_gym.references import handout_trajectory
+from flexdrive_gym.units import Units, in_rig_units
 
 
 def build_compare_page(comparison: Comparison) -> str:
-    """Return the page as HTML: a picture and the eight controllers that matter most; everything else is folded."""
-    chosen = shortlist(comparison)
-    sections = [_overview(comparison, chosen), _errors(comparison, chosen), _tracking(comparison)]
+    """Return the page as HTML, in the rig's units: a picture and the controllers that matter most; everything else is folded."""
+    units = comparison.drive.units
+    told = in_rig_units(comparison, units)
+    chosen = shortlist(told)
+    sections = [_overview(told, chosen, units), _errors(comparison, chosen, told.tolerance), _tracking(told, units)]
     if any(r.entry.learnt for r in comparison.results):
         summaries, improvements = summarise(comparison)
         found = behaviour(comparison)
@@ -28,14 +31,14 @@ def build_compare_page(comparison: Comparison) -> str:
             statistics_section(comparison, summaries, improvements),
             behaviour_section(comparison, summaries, found),
         ]
-    sections += [_margins(comparison), _robustness(comparison, chosen), _who(comparison)]
+    sections += [_margins(comparison, told), _robustness(told, chosen, units), _who(told)]
     for section in sections[2:]:
         section.folded = True
     drawn = sum(c.group == "draw" and c.handout for c in comparison.cases)
     effects = sum(c.group == "effect" for c in comparison.cases)
     others = f", and {', '.join(comparison.references)}" if comparison.references else ""
     subtitle = (
-        f"{len(comparison.results)} controllers, {comparison.duration:g} s of the handout's trajectory{others}; {drawn} drives "
+        f"{len(comparison.results)} controllers, {told.duration:g} s of the handout's trajectory{others}; {drawn} drives "
         f"drawn from the identified covariance (seed {comparison.seed}), {effects} left-out effects; one rig at 1 kHz"
     )
     return render(
@@ -47,46 +50,48 @@ def build_compare_page(comparison: Comparison) -> str:
     )
 
 
-def _overview(comparison: Comparison, chosen: Sequence[Result]) -> Section:
-    section = Section("Overview", "overview")
-    tried = any(r.on_rig is not None for r in comparison.results)
+def _overview(told: Comparison, chosen: Sequence[Result], units: Units) -> Section:
+    section = Section("Overview", "overview", units=units)
+    tried = any(r.on_rig is not None for r in told.results)
     section.figure(
-        plots.plot_overview(comparison.results, chosen),
+        plots.plot_overview(told.results, chosen),
         "Tracking error against the gain margin"
         + (", simulated with friction," if tried else " of the linear loop")
         + " and against the vibration left in the dwells. One point a controller: low is accurate, right on the left panel "
         "is robust, left on the right panel is calm. Hollow points do not settle in every dwell.",
     )
-    table = overview_table(comparison, chosen)
+    table = overview_table(told, chosen)
     section.table(table.columns, table.rows)
-    rest = len(comparison.results) - len(chosen)
+    rest = len(told.results) - len(chosen)
     section.text(
         ("The best of each kind, P-control as the yardstick, and the best learnt policy. " if rest else "")
-        + f"Settles: x2 stays within {comparison.tolerance:g} mm in every dwell; the last column is the share of drawn drives "
-        "on which it does. Vibration: mean energy in the second half of the dwells. "
+        + f"Settles: x2 stays within {told.tolerance:.4g} {units.length} in every dwell; the last column is the share of drawn "
+        "drives on which it does. Vibration: mean energy in the second half of the dwells. "
         + (f"The other {rest} controllers are in the tables below." if rest else "")
     )
     return section
 
 
-def _errors(comparison: Comparison, chosen: Sequence[Result]) -> Section:
-    """Return the tracking error over time of some controllers."""
-    section = Section("Tracking error", "errors")
+def _errors(comparison: Comparison, chosen: Sequence[Result], tolerance: float) -> Section:
+    """Return the tracking error over time of some controllers, whose measures and tolerance are in the rig's units."""
+    units = comparison.drive.units
+    section = Section("Tracking error", "errors", units=units)
     t = instants(comparison.duration)
     xr = handout_trajectory(t)
     runs = {}
     for r in chosen:
         run = run_many(r.entry.controller, [comparison.drive], xr)[0]
-        runs[r.entry.name] = (xr - run[2 if comparison.drive.carts == 2 else 0], run[4])
+        e = xr - run[2 if comparison.drive.carts == 2 else 0]
+        runs[r.entry.name] = (e / units.one("mm"), run[4] / units.one("V"))
     section.figure(
-        plots.plot_errors(chosen, comparison.tolerance, runs, t),
+        plots.plot_errors(chosen, tolerance, runs, t / units.one("s"), units),
         "Tracking error, all on one scale that cuts off the largest; the band is the tolerance.",
     )
     return section
 
 
-def _tracking(comparison: Comparison) -> Section:
-    section = Section("All controllers: tracking on the identified drive", "tracking")
+def _tracking(told: Comparison, units: Units) -> Section:
+    section = Section("All controllers: tracking on the identified drive", "tracking", units=units)
     section.table(
         ("controller", "feedback", "acts every [ms]", "rms e [mm]", "peak |e| [mm]", "settling [s]", "overshoot [%]",
          "vibration [V mm]", "rms u [V]", "peak |u| [V]", "at the limit", "success"),
@@ -94,13 +99,13 @@ def _tracking(comparison: Comparison) -> Section:
             (r.entry.name, r.entry.feedback, f"{1e3 * r.entry.period:g}", cell(m.rms), cell(m.peak), cell(m.settling, 2),
              cell(m.overshoot, 2), cell(m.vibration, 2), cell(m.effort), cell(m.effort_peak), f"{m.limited:.1%}",
              "yes" if m.success else "no")
-            for r in comparison.results for m in [r.nominal]
+            for r in told.results for m in [r.nominal]
         ],
     )  # fmt: skip
     section.text(
-        f"Settling: longest time after a move until x2 stays within {comparison.tolerance:g} mm; a dash where it never does "
-        "before the next move. Success: stable and settled in every dwell. A controller slower than the rig's 1 ms holds its "
-        "command between its samples."
+        f"Settling: longest time after a move until x2 stays within {told.tolerance:.4g} {units.length}; a dash where it never "
+        "does before the next move. Success: stable and settled in every dwell. A controller slower than the rig's 1 ms holds "
+        "its command between its samples."
     )
     return section
 
@@ -108,28 +113,29 @@ def _tracking(comparison: Comparison) -> Section:
 _RIG = 1.001e-3
 
 
-def _margins(comparison: Comparison) -> Section:
-    section = Section("Margins", "margins")
-    rows = [(r, r.margins) for r in comparison.results if r.margins is not None]
+def _margins(comparison: Comparison, told: Comparison) -> Section:
+    units = comparison.drive.units
+    section = Section("Margins", "margins", units=units)
+    rows = [(r, r.margins) for r in told.results if r.margins is not None]
     section.table(
         ("controller", "loop", "crossover [rad/s]", "GM linear", "by trial", "PM linear [deg]", "delay linear [ms]",
          "by trial [ms]", "disk margin", "peak |S|", "smallest disturbance rejection [V/mm]", "GM with friction",
          "delay with friction [ms]"),
         [
-            (r.entry.name, loop_words(r), cell(m.crossover), cell(m.gain_margin, 4), *_trial(r, "gain"),
+            (r.entry.name, loop_words(r, units), cell(m.crossover), cell(m.gain_margin, 4), *_trial(r, "gain"),
              cell(m.phase_margin_deg), cell(1e3 * m.delay_margin, 4), *_trial(r, "delay"), cell(m.disk_margin),
              cell(m.sensitivity_peak), cell(m.stiffness), *_on_rig(r))
             for r, m in rows
         ],
     )  # fmt: skip
-    black = [r for r in comparison.results if r.margins is None and r.on_rig is not None]
+    black = [r for r in told.results if r.margins is None and r.on_rig is not None]
     if black:
         section.table(
             ("black box", "loop", "GM with friction", "delay with friction [ms]"),
-            [(r.entry.name, loop_words(r), *_on_rig(r)) for r in black],
+            [(r.entry.name, loop_words(r, units), *_on_rig(r)) for r in black],
         )
     section.text(f"{LINEAR} {BY_TRIAL}")
-    section.text(f"{WITH_FRICTION} A dash: no limit below 200 times the gain, or a second of delay.")
+    section.text(f"{with_friction(units)} A dash: no limit below 200 times the gain, or a second of delay.")
     fast = [r for r, _m in rows if r.entry.period <= _RIG] or [r for r, _m in rows]
     linear = {r.entry.name: r.entry.loop for r in fast if isinstance(r.entry.loop, LinearController)}
     if linear:
@@ -149,8 +155,8 @@ def _on_rig(result: Result) -> tuple[str, str]:
     return ("–", "–") if of is None else (cell(of.gain_margin, 4), cell(1e3 * of.delay_margin, 4))
 
 
-def _robustness(comparison: Comparison, chosen: Sequence[Result]) -> Section:
-    section = Section("Robustness", "robustness")
+def _robustness(comparison: Comparison, chosen: Sequence[Result], units: Units) -> Section:
+    section = Section("Robustness", "robustness", units=units)
     section.table(
         ("controller", "stable over draws", "success over draws", "rms e, 5 % [mm]", "50 %", "95 %", "effects survived"),
         [
@@ -160,7 +166,7 @@ def _robustness(comparison: Comparison, chosen: Sequence[Result]) -> Section:
         ],
     )  # fmt: skip
     section.figure(
-        plots.plot_robustness(comparison),
+        plots.plot_robustness(comparison, 1e3 / units.one("mm")),
         "rms error over the drawn drives (bars) and with each left-out effect (dots).",
     )
     effects = [c.name for c in comparison.cases if c.group == "effect"]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from baselines.compare import Comparison, headline
-from baselines.compare.tables import LINEAR, WITH_FRICTION, side_by_side, tables
+from baselines.compare.tables import LINEAR, side_by_side, tables, with_friction
 from baselines.report.compare_page import build_compare_page
 from baselines.report.page import Section, render
 from baselines.report.teaching_page import build_teaching_page
@@ -33,7 +33,9 @@ def write_side_by_side(found: Mapping[str, Comparison], folder: str | Path) -> P
     beside = Section("Side by side", "beside")
     table = side_by_side(list(found.items()))
     beside.table(table.columns, table.rows)
-    beside.text(f"{LINEAR} {WITH_FRICTION}")
+    beside.text(LINEAR)
+    for said in dict.fromkeys(with_friction(comparison.drive.units) for comparison in found.values()):
+        beside.text(said)
     sections = [beside]
     for i, (label, comparison) in enumerate(found.items()):
         section = Section(f"{label}: {comparison.drive.name}", f"drive_{i}")

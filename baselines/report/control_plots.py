@@ -10,6 +10,7 @@ import numpy as np
 from baselines.loop_analysis.loops import loop_response, response
 from flexdrive_gym import Drive, LinearController, LinearDrive, Recording
 from flexdrive_gym.recording import FloatArray
+from flexdrive_gym.units import LAB, Units
 from identification.plots.style import (
     CART,
     COMMAND,
@@ -140,17 +141,17 @@ def plot_loops(drive: Drive, controllers: Mapping[str, LinearController], crosso
     figure = new_figure(4.8)
     controllers = _distinct(controllers)
     gain, phase = figure.subplots(2, 1, sharex=True)
-    omega = np.geomspace(0.5, 1000.0, 1500)
+    omega, one = np.geomspace(0.5, 1000.0, 1500), drive.units.one("rad/s")
     for i, (name, controller) in enumerate(controllers.items()):
         L = loop_response(drive, controller, omega)
-        gain.loglog(omega, np.abs(L), **look(i), label=name)
-        phase.semilogx(omega, np.rad2deg(np.unwrap(np.angle(L))), **look(i))
+        gain.loglog(omega / one, np.abs(L), **look(i), label=name)
+        phase.semilogx(omega / one, np.rad2deg(np.unwrap(np.angle(L))), **look(i))
     gain.axhline(1.0, color=COMMAND, linewidth=0.8)
     phase.axhline(-180.0, color=COMMAND, linewidth=0.8)
     phase.axhline(-150.0, color=COMMAND, linewidth=0.6, linestyle=":")
     if crossover is not None:
         for axes in (gain, phase):
-            axes.axvline(crossover, color=MARK, linewidth=0.8, linestyle=":")
+            axes.axvline(crossover / one, color=MARK, linewidth=0.8, linestyle=":")
     gain.set(ylabel="|L|", ylim=(1e-3, 1e2))
     phase.set(ylabel="phase of L [deg]", xlabel="frequency [rad/s]", ylim=(-400.0, 0.0), yticks=range(-360, 1, 90))
     if len(controllers) > 5:
@@ -204,9 +205,13 @@ def plot_tracking(stage: Stage) -> Figure:
 
 @styled
 def plot_errors(
-    results: Sequence[Result], tolerance: float, runs: Mapping[str, tuple[FloatArray, FloatArray]], t: FloatArray
+    results: Sequence[Result],
+    tolerance: float,
+    runs: Mapping[str, tuple[FloatArray, FloatArray]],
+    t: FloatArray,
+    units: Units = LAB,
 ) -> Figure:
-    """Draw the tracking error of controllers on the nominal drive, one panel each.
+    """Draw the tracking error of controllers on the nominal drive, one panel each, figures as the rig's owner reads them.
 
     Parameters
     ----------
@@ -226,7 +231,7 @@ def plot_errors(
         e, _u = runs[result.entry.name]
         axes.axhspan(-tolerance, tolerance, color="#e9e9e9", linewidth=0.0)
         axes.plot(t, e, color=CART[2], linewidth=0.9)
-        axes.set_title(f"{result.entry.name}: rms {result.nominal.rms:.2f} mm", loc="left", fontsize=7)
+        axes.set_title(f"{result.entry.name}: rms {result.nominal.rms:.3g} {units.length}", loc="left", fontsize=7)
         axes.set_ylim(-top, top)
     for axes in panels[:n][-3:]:
         axes.set_xlabel("time [s]")
@@ -236,8 +241,11 @@ def plot_errors(
 
 
 @styled
-def plot_robustness(comparison: Comparison) -> Figure:
-    """Draw the rms error over the drawn drives and with every left-out effect, controller by controller."""
+def plot_robustness(comparison: Comparison, farthest: float = 1e3) -> Figure:
+    """Draw the rms error over the drawn drives and with every left-out effect, controller by controller.
+
+    Errors beyond ``farthest`` are drawn there.
+    """
     figure = new_figure(0.9 + 0.26 * len(comparison.results))
     axes = figure.subplots()
     names = [r.entry.name for r in comparison.results]
@@ -250,7 +258,7 @@ def plot_robustness(comparison: Comparison) -> Figure:
         for of in result.effects.values():
             good = of.success
             axes.plot(
-                [min(of.rms, 1e3)],
+                [min(of.rms, farthest)],
                 [y],
                 "o" if good else "x",
                 color=CART[2] if good else MARK,

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from identification.plots.style import per_unit
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -24,9 +26,10 @@ def figure_csv(figure: Figure) -> bytes:
     stream.write("panel,x label,y label,series,x,y\n")
     for number, axes in enumerate((a for a in figure.axes if a.get_visible()), start=1):
         labels = ",".join(_cell(text) for text in (_x_label(figure, axes), axes.get_ylabel()))
+        along, up = (per_unit(axis) for axis in (axes.xaxis, axes.yaxis))
         for series, x, y in _series(axes):
             head = f"{number},{labels},{_cell(series)},"
-            stream.writelines(f"{head}{a:.6g},{b:.6g}\n" for a, b in zip(x, y, strict=True))
+            stream.writelines(f"{head}{a / along:.6g},{b / up:.6g}\n" for a, b in zip(x, y, strict=True))
     return stream.getvalue().encode()
 
 

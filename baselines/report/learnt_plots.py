@@ -9,9 +9,11 @@ import numpy as np
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from baselines.compare import Behaviour, Comparison, Summary
+from baselines.compare.behaviour import SIGNALS
 from baselines.loop_analysis.describing_function import analytic_response
 from flexdrive_gym import LinearController
 from flexdrive_gym.recording import FloatArray
+from flexdrive_gym.units import LAB, Units, in_rig_units
 from identification.plots.style import CART, COMMAND, MARK, REFERENCE, legend_above, new_figure, styled
 
 if TYPE_CHECKING:
@@ -25,17 +27,20 @@ SHADES = ("#8fb8de", "#3f7fbf", "#123f6d")
 
 
 @styled
-def plot_responses(found: Behaviour, reference: str) -> Figure:
-    """Draw xr, x1 and x2, the error and the command of every shown controller along one reference, a row each."""
+def plot_responses(found: Behaviour, reference: str, units: Units = LAB) -> Figure:
+    """Draw xr, x1 and x2, the error and the command of every shown controller along one reference, a row each.
+
+    Figures are drawn as they are given; ``units`` names them.
+    """
     xr = found.references[reference]
     figure = new_figure(0.5 + 1.25 * len(found.shown), width=9.5)
     panels = figure.subplots(len(found.shown), 3, sharex=True, sharey="col", squeeze=False)
     for shown, (position, error, command) in zip(found.shown, panels, strict=True):
         kind = "learnt" if shown.result.entry.learnt else shown.result.entry.feedback
-        _draw_tracking(position, error, found.t, xr, shown.runs[reference], f"{shown.name} ({kind})")
+        _draw_tracking(position, error, found.t, xr, shown.runs[reference], f"{shown.name} ({kind})", units)
         u = shown.runs[reference][4]
         command.plot(found.t, u, color=COMMAND, linewidth=0.7)
-        command.set_title(f"rms {np.sqrt(np.mean(u**2)):.2f} V", loc="left", fontsize=8.5)
+        command.set_title(f"rms {np.sqrt(np.mean(u**2)):.3g} {units.command}", loc="left", fontsize=8.5)
         command.set_ylabel("u [V]")
     # one scale for all: the error of the second worst fits, what leaves it is in the title
     peaks = sorted(float(np.max(np.abs(xr - s.runs[reference][2]))) for s in found.shown)
@@ -51,18 +56,23 @@ def plot_responses(found: Behaviour, reference: str) -> Figure:
 
 @styled
 def plot_lesson(found: Lesson) -> Figure:
-    """Draw positions and error of every demonstration of a lesson, a row each."""
+    """Draw positions and error of every demonstration of a lesson, a row each, in the rig's units."""
+    units = found.drive.units
+    t, xr = found.t / units.one("s"), found.xr / units.one("mm")
     figure = new_figure(0.5 + 1.15 * len(found.shown), width=8.5)
     panels = figure.subplots(len(found.shown), 2, sharex=True, sharey="col", squeeze=False)
     for shown, (position, error) in zip(found.shown, panels, strict=True):
-        _draw_tracking(position, error, found.t, found.xr, shown.run, shown.name)
+        run = in_rig_units(shown.run, units, SIGNALS)
+        _draw_tracking(position, error, t, xr, run, shown.name, units)
     for axes in panels[-1]:
         axes.set_xlabel("time [s]")
     legend_above(panels[0, 0])
     return figure
 
 
-def _draw_tracking(position: Axes, error: Axes, t: FloatArray, xr: FloatArray, run: FloatArray, title: str) -> None:
+def _draw_tracking(
+    position: Axes, error: Axes, t: FloatArray, xr: FloatArray, run: FloatArray, title: str, units: Units
+) -> None:
     """Draw positions and tracking error of a run, ndarray, shape (5, n): x1, v1, x2, v2, u."""
     e = xr - run[2]
     position.plot(t, run[0], color=CART[1], linewidth=0.7, alpha=0.7, label="$x_1$")
@@ -71,14 +81,17 @@ def _draw_tracking(position: Axes, error: Axes, t: FloatArray, xr: FloatArray, r
     error.plot(t, e, color=CART[2], linewidth=0.9)
     error.axhline(0.0, color=COMMAND, linewidth=0.6)
     position.set_title(title, loc="left", fontsize=8.5)
-    error.set_title(f"rms {np.sqrt(np.mean(e**2)):.2f} mm", loc="left", fontsize=8.5)
+    error.set_title(f"rms {np.sqrt(np.mean(e**2)):.3g} {units.length}", loc="left", fontsize=8.5)
     position.set_ylabel("[mm]")
     error.set_ylabel("$x_r - x_2$ [mm]")
 
 
 @styled
-def plot_sweeps(found: Behaviour) -> Figure:
-    """Draw equivalent gain and phase of every swept policy at each amplitude, beside Lab 4's frequency response."""
+def plot_sweeps(found: Behaviour, units: Units = LAB) -> Figure:
+    """Draw equivalent gain and phase of every swept policy at each amplitude, beside Lab 4's frequency response.
+
+    Figures are drawn as they are given, in the rig's ``units``.
+    """
     learnt = [s for s in found.shown if s.sweep is not None and s.result.entry.learnt]
     lab4 = next((s for s in found.shown if s.name == "lab4"), None)
     figure = new_figure(4.4, width=3.9 * len(learnt) + 0.6 if len(learnt) > 1 else 6.2)
@@ -87,10 +100,18 @@ def plot_sweeps(found: Behaviour) -> Figure:
         assert shown.sweep is not None
         f = shown.sweep.frequencies
         for amplitude, row, colour in zip(shown.sweep.amplitudes, shown.sweep.response, SHADES, strict=True):
-            gain.loglog(f, np.abs(row), "o-", color=colour, markersize=2.5, linewidth=1.0, label=f"{amplitude:g} mm")
+            gain.loglog(
+                f,
+                np.abs(row),
+                "o-",
+                color=colour,
+                markersize=2.5,
+                linewidth=1.0,
+                label=f"{amplitude:.3g} {units.length}",
+            )
             phase.semilogx(f, np.rad2deg(np.unwrap(np.angle(row))), "o-", color=colour, markersize=2.5, linewidth=1.0)
         if lab4 is not None:
-            _draw_lab4(gain, phase, lab4)
+            _draw_lab4(gain, phase, lab4, units)
         gain.set_title(f"{shown.name}, sine on {shown.sweep.reads}", loc="left", fontsize=8.5)
         phase.set_xlabel("frequency [Hz]")
         phase.set_xticks(ticks := [0.25, 0.5, 1, 2, 5, 10, 20], [f"{v:g}" for v in ticks])
@@ -101,16 +122,16 @@ def plot_sweeps(found: Behaviour) -> Figure:
     return figure
 
 
-def _draw_lab4(gain: Axes, phase: Axes, lab4: Shown) -> None:
+def _draw_lab4(gain: Axes, phase: Axes, lab4: Shown, units: Units) -> None:
     controller = lab4.result.entry.controller
     assert isinstance(controller, LinearController)
     f = np.geomspace(0.25, 20.0, 300)
-    known = analytic_response(controller, "x2", f)
+    known = analytic_response(controller, "x2", f * units.one("Hz")) / units.one("V/mm")
     gain.loglog(f, np.abs(known), color=MARK, linewidth=1.0, label="Lab 4, known")
     phase.semilogx(f, np.rad2deg(np.unwrap(np.angle(known))), color=MARK, linewidth=1.0)
     if lab4.sweep is not None:
         row = lab4.sweep.response[0]
-        label = f"Lab 4 by the sweep, {lab4.sweep.amplitudes[0]:g} mm"
+        label = f"Lab 4 by the sweep, {lab4.sweep.amplitudes[0]:.3g} {units.length}"
         gain.loglog(lab4.sweep.frequencies, np.abs(row), "x", color=MARK, markersize=3.5, label=label)
         phase.semilogx(lab4.sweep.frequencies, np.rad2deg(np.unwrap(np.angle(row))), "x", color=MARK, markersize=3.5)
 

@@ -9,14 +9,17 @@ from baselines.compare.cases import HANDOUT
 from baselines.report import learnt_plots as plots
 from baselines.report.design_page import cell
 from baselines.report.page import Section
+from flexdrive_gym.units import in_rig_units
 
 
 def statistics_section(
     comparison: Comparison, summaries: Sequence[Summary], improvements: Sequence[Improvement]
 ) -> Section:
     """Return interquartile means with intervals of all groups, and the probability of improvement of the learnt ones."""
-    section = Section("How sure it is", "statistics")
+    units = comparison.drive.units
+    section = Section("How sure it is", "statistics", units=units)
     section.items(learnt_verdicts(comparison, summaries, improvements))
+    summaries = in_rig_units(summaries, units)
     section.figure(
         plots.plot_intervals(comparison, summaries),
         "Interquartile mean (stroke) and 95 % interval (bar) over training seeds and drives; learnt policies in red.",
@@ -62,18 +65,20 @@ def statistics_section(
 
 def behaviour_section(comparison: Comparison, summaries: Sequence[Summary], found: Behaviour) -> Section:
     """Return where learnt policies lose and why: responses, equivalent gain and phase, margins by trial."""
-    section = Section("Where learning loses, and why", "losses")
+    units = comparison.drive.units
+    section = Section("Where learning loses, and why", "losses", units=units)
     section.items(where_it_loses(comparison, summaries, found))
-    section.figure(plots.plot_responses(found, HANDOUT), "Handout's trajectory on the identified drive.")
+    found = in_rig_units(found, units)
+    section.figure(plots.plot_responses(found, HANDOUT, units), "Handout's trajectory on the identified drive.")
     other = _hardest(comparison, summaries)
     if other is not None:
         section.figure(
-            plots.plot_responses(found, other),
+            plots.plot_responses(found, other, units),
             f"The reference {other} on the identified drive: the one along which learnt policies are worst beside the best "
             "classical design.",
         )
     section.figure(
-        plots.plot_sweeps(found),
+        plots.plot_sweeps(found, units),
         "Describing functions: what each policy makes of a sine of tracking error, at its amplitude, and Lab 4's known response.",
     )
     section.heading("Margins of the shown controllers")
@@ -90,7 +95,7 @@ def behaviour_section(comparison: Comparison, summaries: Sequence[Summary], foun
             "controller",
             "GM with friction",
             "delay with friction [ms]",
-            *(f"GM by the sweep, {a:g} mm" for a in amplitudes),
+            *(f"GM by the sweep, {a:.3g} {units.length}" for a in amplitudes),
         ),
         rows,
     )

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from baselines.report.figure_data import figure_csv, figure_svg, packed
 from baselines.report.glossary import explained
+from flexdrive_gym.units import LAB, Units
+from identification.plots.style import rename_units
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -47,12 +49,17 @@ class Block:
 
 @dataclass
 class Section:
-    """A titled run of blocks, filled in reading order."""
+    """A titled run of blocks, filled in reading order.
+
+    Headings, heads of tables and labels of figures name the lab's units in square brackets, and are shown with the rig's; figures
+    and cells are the rig's numbers already.
+    """
 
     title: str
     anchor: str
     blocks: list[Block] = field(default_factory=list)
     folded: bool = False
+    units: Units = LAB
 
     def text(self, text: str) -> None:
         """Add a paragraph."""
@@ -60,7 +67,7 @@ class Section:
 
     def heading(self, text: str) -> None:
         """Add a sub-heading."""
-        self.blocks.append(Block("heading", text=text))
+        self.blocks.append(Block("heading", text=self.units.label(text)))
 
     def items(self, lines: Sequence[str]) -> None:
         """Add a bullet list."""
@@ -71,10 +78,12 @@ class Section:
         # an interval stays on one line
         cells = tuple(tuple(_INTERVAL.sub(lambda m: m[0].replace(" ", "\u00a0"), cell) for cell in row) for row in rows)
         numeric = tuple(all(_NUMBER.match(row[i]) for row in cells) for i in range(len(columns)))
-        self.blocks.append(Block("table", columns=tuple(columns), rows=cells, numeric=numeric, caption=folded))
+        head = tuple(map(self.units.label, columns))
+        self.blocks.append(Block("table", columns=head, rows=cells, numeric=numeric, caption=folded))
 
     def figure(self, figure: Figure, caption: str, *, dpi: float = 110.0) -> None:
         """Add a figure with its lines as CSV and itself as SVG; it is rendered at once, so that its memory can be freed."""
+        rename_units(figure, self.units)
         stream = io.BytesIO()
         figure.savefig(stream, format="png", dpi=dpi)
         png = base64.b64encode(stream.getvalue()).decode()

@@ -11,6 +11,7 @@ from baselines.report import control_plots as plots
 from baselines.report.discussion import measure_p_control
 from baselines.report.page import Section, render
 from flexdrive_gym import Recording, __version__
+from flexdrive_gym.units import in_rig_units
 from identification.plots import plot_pole_zero, plot_recording
 
 _TITLES = {
@@ -49,7 +50,7 @@ def _limits(study: StabilityStudy) -> Section:
     rows = [
         (name, _cell(v.critical_gain_linear), _cell(v.critical_gain_margin), _cell(v.critical_gain_simulated),
          "–" if v.vibration is None else f"{v.vibration:.3g}", "–" if v.phase_margin_deg is None else f"{v.phase_margin_deg:.1f}")
-        for name, v in ((name, limit.of_rig(units)) for name, limit in study.limits.items())
+        for name, v in ((name, in_rig_units(limit, units)) for name, limit in study.limits.items())
     ]  # fmt: skip
     at = next(iter(study.limits.values())).at_gain
     section.table(

@@ -13,7 +13,7 @@ import io
 import json
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from difflib import get_close_matches
 from functools import cached_property
 from pathlib import Path
@@ -27,6 +27,7 @@ from flexdrive_gym import Drive
 from flexdrive_gym.files import write_atomically
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.task import Task
+from flexdrive_gym.units import Units
 
 SCHEMA = 1
 FOLDER = Path(__file__).parents[1] / "agents"
@@ -94,6 +95,26 @@ class Agent:
             raise ValueError(
                 f"task: must be arguments of Task; got {dict(self.task)!r} ({error}). Train the agent again."
             ) from error
+
+    def on_scale_of(self, drive: Drive) -> Agent:
+        """Return the agent for another scale of its rig's units: what it sees and commands is the same on the rig.
+
+        An agent of the lab's units runs as it is: any rig is brought to the lab's task.
+        """
+        made = self.card.get("units")
+        units = drive.units
+        if made is None or (made["length"], made["command"]) != (units.length, units.command):
+            return self
+        was = Units(**made)
+        if was == units:
+            return self
+        names = [unit for _name, unit, _bound in self.made_for().names()] * self.history
+        (W, b), *rest = self.layers
+        # old numbers from new ones
+        seen = np.array([was.one(unit) / units.one(unit) for unit in names])
+        task = {**self.task, "voltage_limit": self.task["voltage_limit"] * units.one("V") / was.one("V")}
+        card = {**self.card, "units": asdict(units)}
+        return Agent(self.name, [(np.asarray(W) * seen, b), *rest], self.activation, task, self.history, card)
 
     def reset(self) -> None:
         """Forget the past."""

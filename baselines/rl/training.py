@@ -23,6 +23,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 
+from baselines.evaluation.metrics import Measures
 from baselines.loop_analysis.stability_limit import with_rig
 from baselines.rl.agents import Agent, save_agent
 from baselines.rl.cards import write_card
@@ -36,6 +37,7 @@ from flexdrive_gym.drive.default import HANDOUT_LIMIT_V
 from flexdrive_gym.drive.toml import dumps, loads
 from flexdrive_gym.files import write_atomically
 from flexdrive_gym.task import DEFAULT_VELOCITY_CUTOFF_HZ, SENSINGS
+from flexdrive_gym.units import Units, in_rig_units
 
 Feedback = Literal["x1", "x2"]
 SENSED = {"x1": "collocated", "x2": "non_collocated"}
@@ -88,7 +90,10 @@ class Plan:
 
 @dataclass(frozen=True)
 class Trained:
-    """What a training found: the best agent, and (steps, seconds, rms error on references held out [mm]) along the way."""
+    """What a training found: the best agent, and (steps, seconds, rms error on references held out) along the way.
+
+    Errors are in the rig's units, as scores are.
+    """
 
     agent: Agent
     curve: tuple[tuple[int, float, float], ...]
@@ -111,7 +116,7 @@ def task_arguments(rig: Drive, feedback: Feedback) -> dict[str, Any]:
         "sensing": SENSED[feedback],
         "control_period": CONTROL_PERIOD_S,
         "preview": list(PREVIEW_S),
-        "voltage_limit": min(rig.voltage_limit, HANDOUT_LIMIT_V),
+        "voltage_limit": min(rig.voltage_limit, HANDOUT_LIMIT_V) if rig.units.lab else rig.voltage_limit,
         "velocity_cutoff": rig.values.get(key, DEFAULT_VELOCITY_CUTOFF_HZ),
     }
 
@@ -156,7 +161,7 @@ def train(
     resume
         Go on from the folder's checkpoint. The plan may ask for more steps than it did; all else must be the same.
     tell
-        Told the steps done and the last error on references held out [mm].
+        Told the steps done and the last error on references held out, in the rig's units.
 
     Raises
     ------
@@ -224,7 +229,7 @@ class _Course(BaseCallback):
         self._keep()
         if steps - self.written >= self.every:
             self.write()
-        self.tell(steps, self.curve[-1][2])
+        self.tell(steps, in_rig_units(self.curve[-1][2], self.rig.units, "mm"))
 
     def _on_step(self) -> bool:
         return True
@@ -242,21 +247,20 @@ class _Course(BaseCallback):
         best = min(error for _steps, _seconds, error in self.curve)
         measures = on_the_handout(agent, self.rig)
         agent.card = _card(self.rig, self.plan, self.model.num_timesteps, self._elapsed()) | {
-            "score": {
-                "rms_mm_unseen_references": round(best, 4),
-                "rms_mm_handout": round(measures.rms, 4),
-                "peak_mm_handout": round(measures.peak, 4),
-                "vibration_V_mm_handout": round(measures.vibration, 5),
-                "settles_handout": measures.success,
-            }
+            "score": _score(best, measures, self.rig.units)
         }
         save_agent(agent, self.folder / AGENT)
         write_card(agent, self.folder / CARD)
-        lines = ["steps,seconds,rms_mm_unseen_references", *(f"{a},{b:.2f},{c:.4f}" for a, b, c in self.curve)]
+        units = self.rig.units
+        head = f"steps,seconds,{score_key(units, 'rms_mm_unseen_references')}"
+        lines = [
+            head,
+            *(f"{a},{b:.2f},{_rounded(c, 'mm', units):{'.4f' if units.lab else ''}}" for a, b, c in self.curve),
+        ]
         write_atomically(self.folder / CURVE, "\n".join(lines) + "\n")
         (self.folder / CHECKPOINT).unlink(missing_ok=True)
         self.logger.close()
-        return Trained(agent, tuple(self.curve))
+        return Trained(agent, tuple((a, b, in_rig_units(c, units, "mm")) for a, b, c in self.curve))
 
     def _look(self, steps: int) -> None:
         candidate = layers(self.model)
@@ -264,7 +268,8 @@ class _Course(BaseCallback):
         if not self.curve or error < min(found for _steps, _seconds, found in self.curve):
             self.best = [torch.as_tensor(array) for layer in candidate for array in layer]
         self.curve.append((steps, self._elapsed(), error))
-        self.logger.record("evaluation/rms_mm", error)
+        units = self.rig.units
+        self.logger.record(f"evaluation/{score_key(units, 'rms_mm')}", in_rig_units(error, units, "mm"))
 
     def _keep(self) -> None:
         self.kept = snapshot(
@@ -346,7 +351,8 @@ def _card(rig: Drive, plan: Plan, steps: int, seconds: float) -> dict[str, Any]:
         "plan": asdict(plan),
         "commit": commit(),
         "drive": rig.name,
-        "drive_parameters": {k: float(v) for k, v in rig.values.items()},
+        "drive_parameters": {k: float(v) for k, v in rig.in_rig_units().values.items()},
+        **({} if rig.units.lab else {"units": asdict(rig.units)}),
         "steps": steps,
         "seconds": round(seconds, 1),
         "versions": {
@@ -356,6 +362,27 @@ def _card(rig: Drive, plan: Plan, steps: int, seconds: float) -> dict[str, Any]:
             **{package: version(package) for package in ("stable_baselines3", "flexdrive")},
         },
     }
+
+
+def score_key(units: Units, key: str) -> str:
+    """Return a key of a card's score: the lab's units are part of its name, another rig's stand in the card."""
+    return key if units.lab else key.replace("_V_mm", "").replace("_mm", "")
+
+
+def _score(best: float, measures: Measures, units: Units) -> dict[str, Any]:
+    """Return what a card tells of an agent, in the rig's units."""
+    found = {
+        "rms_mm_unseen_references": _rounded(best, "mm", units),
+        "rms_mm_handout": _rounded(measures.rms, "mm", units),
+        "peak_mm_handout": _rounded(measures.peak, "mm", units),
+        "vibration_V_mm_handout": _rounded(measures.vibration, "V mm", units, 5),
+    }
+    return {score_key(units, key): value for key, value in found.items()} | {"settles_handout": measures.success}
+
+
+def _rounded(value: float, unit: str, units: Units, digits: int = 4) -> float:
+    """Return an error of the engine in the rig's units, rounded to so many decimals of the lab's."""
+    return round(value, digits) if units.lab else float(f"{value / units.one(unit):.{digits + 1}g}")
 
 
 def commit() -> str:

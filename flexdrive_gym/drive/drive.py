@@ -16,7 +16,7 @@ from flexdrive_gym.drive import simulate as simulation
 from flexdrive_gym.drive.controller import Controller
 from flexdrive_gym.drive.linear import LinearDrive
 from flexdrive_gym.recording import FloatArray, Recording
-from flexdrive_gym.units import LAB, Units
+from flexdrive_gym.units import LAB, Units, in_rig_units, measured_in
 
 # far tails are no drives: a factor between runs stays within a third to three, as parameters do
 _FARTHEST = log(3.0)
@@ -81,13 +81,16 @@ class Recorded:
         Largest deflection of the spring from the middle [mm]; 0 for one cart.
     slowest, fastest
         Frequencies that were excited [Hz].
+    travel
+        Longest way that a cart went, from one end to the other [mm]; 0 where it is not known.
     """
 
-    u: float
-    v: float
-    deflection: float = 0.0
-    slowest: float = 0.0
-    fastest: float = inf
+    u: float = field(metadata=measured_in("V"))
+    v: float = field(metadata=measured_in("mm/s"))
+    deflection: float = field(default=0.0, metadata=measured_in("mm"))
+    slowest: float = field(default=0.0, metadata=measured_in("Hz"))
+    fastest: float = field(default=inf, metadata=measured_in("Hz"))
+    travel: float = field(default=0.0, metadata=measured_in("mm"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +134,7 @@ class Drive:
     recorded: Recorded | None = None
 
     def __post_init__(self) -> None:
-        values = parameters.checked(self.values)
+        values = parameters.checked(self.values, self.units)
         if "m1" not in values:
             raise ValueError("m1: a drive needs the mass of cart 1; got no value. Pass m1 [V s²/mm].")
         if "m2" not in values and "k" in values:
@@ -176,6 +179,44 @@ class Drive:
             fields.setdefault("intervals", {k: v for k, v in self.intervals.items() if k not in changed})
             fields.setdefault("covariance", None)
         return replace(self, values={**self.values, **changed}, **fields)
+
+    def rescaled(self, units: Units) -> Drive:
+        """Return the same physical drive on another scale: its values, intervals and covariances in the engine's new numbers.
+
+        Parameters
+        ----------
+        units
+            How many of the engine's units make one of the rig's on the new scale.
+        """
+        if units == self.units:
+            return self
+
+        def factor(name: str) -> float:
+            unit = parameters.parameter(name).unit
+            return units.one(unit) / self.units.one(unit)
+
+        covariance = self.covariance
+        if covariance is not None:
+            sizes = np.array([factor(name) for name in covariance.names])
+            covariance = replace(covariance, matrix=covariance.matrix * np.outer(sizes, sizes))
+        old = self.units
+        step = Units(
+            per_length=old.per_length / units.per_length,
+            per_command=old.per_command / units.per_command,
+            per_time=old.per_time / units.per_time,
+        )
+        return replace(
+            self,
+            values={name: value * factor(name) for name, value in self.values.items()},
+            intervals={name: (a * factor(name), b * factor(name)) for name, (a, b) in self.intervals.items()},
+            covariance=covariance,
+            recorded=in_rig_units(self.recorded, step),
+            units=units,
+        )
+
+    def in_rig_units(self) -> Drive:
+        """Return the drive with the numbers that the rig's owner reads, for gains and tables; what simulates takes its scale."""
+        return self.rescaled(Units(self.units.length, self.units.command))
 
     def spring_force(self, deflection: npt.ArrayLike) -> FloatArray:
         """Return the force of the spring on cart 2 [V] where it rests at deflections x1 - x2 [mm], and has no past.

@@ -25,6 +25,7 @@ import numpy.typing as npt
 from flexdrive_gym.drive.controller import Observation
 from flexdrive_gym.drive.loop import Law
 from flexdrive_gym.recording import FloatArray
+from flexdrive_gym.units import Units
 
 if TYPE_CHECKING:
     import control
@@ -220,6 +221,24 @@ class LinearController:
     def replace(self, **changes: Any) -> LinearController:
         """Return the controller with other fields and no past."""
         return replace(self, **changes)
+
+    def rescaled(self, units: Units) -> LinearController:
+        """Return a controller that speaks a rig's units as one that speaks the engine's."""
+        if units.lab:
+            return self
+        length, command, time = (units.one(unit) for unit in ("mm", "V", "s"))
+        assert self.L is not None
+        out = np.array([[command], [length / time]])
+        return self.replace(
+            B=self.B / length,
+            C=self.C * out,
+            D=self.D * out / length,
+            L=self.L / command,
+            sample_time=self.sample_time * time,
+            limit=self.limit * command,
+            friction=self.friction * command,
+            threshold=self.threshold * length / time,
+        )
 
     def reset(self) -> None:
         """Forget the past."""

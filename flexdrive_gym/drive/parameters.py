@@ -10,6 +10,7 @@ import numpy as np
 
 from flexdrive_gym.drive.effects import EFFECTS, LAYOUT, N_PARAMETERS, RING, WORKSPACE, Parameter
 from flexdrive_gym.recording import FloatArray
+from flexdrive_gym.units import LAB, Units
 
 MASS_PARAMETERS: dict[str, Parameter] = {
     "m1": Parameter("m1", "V s²/mm", inf, 1e-9, 1e3, "mass of cart 1 with the motor"),
@@ -40,8 +41,14 @@ def parameter(name: str) -> Parameter:
     raise KeyError(f"parameter: no parameter of the drive is called {name!r}; {hint}")
 
 
-def checked(values: Mapping[str, float]) -> dict[str, float]:
+def checked(values: Mapping[str, float], units: Units = LAB) -> dict[str, float]:
     """Check names and bounds; return the values that are not null, in a fixed order.
+
+    Parameters
+    ----------
+    units
+        Of the rig. A bound on volts or millimetres is the lab's: of what another rig measures in units of its own only the sign
+        is bounded.
 
     Raises
     ------
@@ -54,9 +61,12 @@ def checked(values: Mapping[str, float]) -> dict[str, float]:
     for name, value in values.items():
         spec = parameter(name)
         number = float(value)
-        if isnan(number) or not spec.lower <= number <= spec.upper:
+        low, high = spec.lower, spec.upper
+        if units.name(spec.unit) != spec.unit or units.one(spec.unit) != 1.0:
+            low, high = (0.0 if low >= 0.0 else -inf), inf
+        if isnan(number) or not low <= number <= high or (number == 0.0 and spec.lower > 0.0 == low):
             raise ValueError(
-                f"{name}: must lie in [{spec.lower:g}, {spec.upper:g}] {spec.unit}; got {number:g}. "
+                f"{name}: must lie in [{low:g}, {high:g}] {units.name(spec.unit)}; got {number:g}. "
                 f"It is the {spec.meaning}; its absence is {spec.null:g}."
             )
         # an effect's shape is kept though it be the usual one: a drive in a file shall say which

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from math import inf, isfinite
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from flexdrive_gym.units import LAB, Units
 SCHEMA = 1
 _UNITS = ("length", "command", "per_length", "per_command", "per_time")
 # what says how far recordings reach, and the lab's units of it
-_REACH = {"u": "V", "v": "mm/s", "deflection": "mm", "slowest": "Hz", "fastest": "Hz"}
+_REACH = {f.name: f.metadata["unit"] for f in fields(Recorded)}
 # from a rig's own units: Newton's law divided by the force, or on a turning rig the torque, that a volt gives
 _CONVERSIONS = {
     "V s²/mm": "Convert: m [V s²/mm] = mass [kg] / (force per volt [N/V]) / 1000, or for an inertia "
@@ -96,7 +96,7 @@ def dumps(drive: Drive) -> str:
         document["run_to_run"] = spread.comment("of the logarithms: what differs between runs of the same rig")
     if drive.recorded is not None:
         reached = tomlkit.table()
-        reached.comment(drive.units.name("how far the recordings reach: V, mm/s, mm, Hz"))
+        reached.comment(drive.units.name("how far the recordings reach: V, mm/s, mm, Hz, Hz, mm"))
         for name, value in asdict(drive.recorded).items():
             reached[name] = drive.units.of_rig(float(value), _REACH[name])[0]
         document["recorded"] = reached

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import isfinite, isnan
 
 from flexdrive_gym.rendering.history import Frame
-from flexdrive_gym.rendering.scale import Scale, text
+from flexdrive_gym.rendering.scale import Scale, reading
 
 WIDTH = 79
 # columns between the two carts' digits when the spring is at rest
@@ -46,7 +46,7 @@ def draw_ansi(frame: Frame, span: float) -> str:
     if goal is not None and rail[goal] not in "12":
         rail[goal] = "v"
     positions = (("x1", frame.x1), ("x2", frame.x2), ("xr", frame.xr))
-    numbers = [f"{name} = {text(x, 2)} mm" for name, x in positions if not isnan(x)]
-    line = "  ".join([f"t = {frame.t:.3f} s", *numbers, f"u = {text(frame.u, 2)} V"])
+    numbers = [f"{name} = {reading(x, 'mm', frame.units, 2)}" for name, x in positions if not isnan(x)]
+    line = "  ".join([f"t = {frame.t:.3f} s", *numbers, f"u = {reading(frame.u, 'V', frame.units, 2)}"])
     # terminals may lack the true minus sign
     return "".join(rail) + "\n" + line.replace("−", "-").replace("–", "-")

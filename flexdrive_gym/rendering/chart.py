@@ -10,7 +10,7 @@ import numpy as np
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.rendering.canvas import Canvas
 from flexdrive_gym.rendering.history import Frame, History
-from flexdrive_gym.rendering.scale import Scale, round_out, text
+from flexdrive_gym.rendering.scale import Scale, reading, round_out, text
 from flexdrive_gym.rendering.style import CART, COMMAND, GRID, LIMIT, QUIET, REFERENCE, TEXT
 
 LEFT, LEGEND = 62.0, 190.0
@@ -38,12 +38,12 @@ def draw_charts(canvas: Canvas, frame: Frame, history: History) -> None:
     height = (canvas.height - TOP - BOTTOM - BETWEEN) * SHARE
     begin = max(history.begin, frame.t - history.seconds)
     time = Scale(begin, begin + history.seconds, LEFT, canvas.width - LEGEND - 22.0)
-    low, high = position_range(history, frame.travel_limit)
+    low, high = position_range(history, frame.travel_limit, 5.0 / frame.units.one("mm"))
     upper = Panel(time, Scale(low, high, TOP + height, TOP))
-    largest = command_range(history, frame.voltage_limit)
+    largest = command_range(history, frame.voltage_limit, 0.5 / frame.units.one("V"))
     lower = Panel(time, Scale(-largest, largest, canvas.height - BOTTOM, TOP + height + BETWEEN))
-    _draw_axes(canvas, upper, "position [mm]", frame.travel_limit, 6)
-    _draw_axes(canvas, lower, "command u [V]", frame.voltage_limit, 4)
+    _draw_axes(canvas, upper, frame.units.label("position [mm]"), frame.travel_limit, 6)
+    _draw_axes(canvas, lower, frame.units.label("command u [V]"), frame.voltage_limit, 4)
     _draw_time(canvas, lower)
     _draw_curves(canvas, upper, lower, history)
     _draw_legends(canvas, frame, upper, lower)
@@ -63,10 +63,10 @@ def _draw_curves(canvas: Canvas, upper: Panel, lower: Panel, history: History) -
             canvas.disc((x, y), 2.5, colour)
 
 
-def position_range(history: History, limit: float) -> tuple[float, float]:
-    """Return the range of the position axis [mm]: all that was seen, and a limit that came near."""
+def position_range(history: History, limit: float, least: float = 5.0) -> tuple[float, float]:
+    """Return the range of the position axis: all that was seen, ``least`` either way, and a limit that came near."""
     middle, half = 0.5 * (history.lowest + history.highest), 0.5 * (history.highest - history.lowest)
-    low, high = round_out(middle - max(1.08 * half, 5.0), middle + max(1.08 * half, 5.0), 8)
+    low, high = round_out(middle - max(1.08 * half, least), middle + max(1.08 * half, least), 8)
     if history.lowest < -NEAR * limit:
         low = min(-1.08 * limit, low)
     if history.highest > NEAR * limit:
@@ -74,11 +74,11 @@ def position_range(history: History, limit: float) -> tuple[float, float]:
     return low, high
 
 
-def command_range(history: History, limit: float) -> float:
-    """Return the largest value of the command axis [V]."""
+def command_range(history: History, limit: float, least: float = 0.5) -> float:
+    """Return the largest value of the command axis; at least ``least`` where there is no limit."""
     if history.largest_command > NEAR * limit:
         return 1.15 * max(limit, history.largest_command)
-    floor = 0.25 * limit if isfinite(limit) else 0.5
+    floor = 0.25 * limit if isfinite(limit) else least
     return round_out(0.0, max(1.1 * history.largest_command, floor), 2)[1]
 
 
@@ -115,10 +115,12 @@ def _draw_legends(canvas: Canvas, frame: Frame, upper: Panel, lower: Panel) -> N
     ]
     positions = [entry for entry in positions if not isnan(entry[1])]
     for row, (name, value, colour) in enumerate(positions):
-        _draw_entry(canvas, upper, row, name, f"{text(value, 2)} mm", colour)
-    _draw_limit(canvas, upper, len(positions), f"travel ±{text(frame.travel_limit)} mm", frame.travel_limit)
-    _draw_entry(canvas, lower, 0, "u", f"{text(frame.u, 3)} V", COMMAND)
-    _draw_limit(canvas, lower, 1, f"limit ±{text(frame.voltage_limit)} V", frame.voltage_limit)
+        _draw_entry(canvas, upper, row, name, reading(value, "mm", frame.units, 2), colour)
+    _draw_limit(
+        canvas, upper, len(positions), f"travel ±{reading(frame.travel_limit, 'mm', frame.units)}", frame.travel_limit
+    )
+    _draw_entry(canvas, lower, 0, "u", reading(frame.u, "V", frame.units, 3), COMMAND)
+    _draw_limit(canvas, lower, 1, f"limit ±{reading(frame.voltage_limit, 'V', frame.units)}", frame.voltage_limit)
 
 
 def _draw_entry(canvas: Canvas, panel: Panel, row: int, name: str, value: str, colour: str | None) -> None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf, isfinite, isnan
 
 import numpy as np
 
 from flexdrive_gym.recording import FloatArray
+from flexdrive_gym.units import LAB, Units, measured_in
 
 # more samples than a chart has pixels cannot be seen
 MOST_SAMPLES = 4000
@@ -31,16 +32,19 @@ class Frame:
         Largest distance of a cart from 0 [mm] and largest size of the command [V]; inf where there is none.
     title
         Headline of the picture.
+    units
+        The rig's, in which the picture is drawn.
     """
 
-    t: float
-    x1: float
-    x2: float
-    xr: float
-    u: float
-    travel_limit: float = inf
-    voltage_limit: float = inf
+    t: float = field(metadata=measured_in("s"))
+    x1: float = field(metadata=measured_in("mm"))
+    x2: float = field(metadata=measured_in("mm"))
+    xr: float = field(metadata=measured_in("mm"))
+    u: float = field(metadata=measured_in("V"))
+    travel_limit: float = field(default=inf, metadata=measured_in("mm"))
+    voltage_limit: float = field(default=inf, metadata=measured_in("V"))
     title: str = ""
+    units: Units = LAB
 
     @property
     def rigid(self) -> bool:

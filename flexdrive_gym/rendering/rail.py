@@ -33,8 +33,8 @@ def draw_rail(canvas: Canvas, frame: Frame, span: float) -> None:
     _draw_scale(canvas, one, CART[1], LOWER, 1.0, limited=limited)
     if not frame.rigid:
         _draw_scale(canvas, two, CART[2], UPPER, -1.0, limited=limited)
-        canvas.text((one.end + 14.0, LOWER + 1.0), "cart 1: x1 [mm]", CART[1])
-        canvas.text((two.start - 14.0, UPPER - 1.0), "cart 2: x2 [mm]", CART[2], "right")
+        canvas.text((one.end + 14.0, LOWER + 1.0), frame.units.label("cart 1: x1 [mm]"), CART[1])
+        canvas.text((two.start - 14.0, UPPER - 1.0), frame.units.label("cart 2: x2 [mm]"), CART[2], "right")
     left, right = one.start - HALF[1], two.end + (HALF[1] if frame.rigid else HALF[2])
     canvas.box(left, RAIL_TOP, right, RAIL_TOP + 3.0, RAIL)
     if limited:

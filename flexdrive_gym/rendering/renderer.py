@@ -16,6 +16,7 @@ from flexdrive_gym.rendering.history import Frame, History
 from flexdrive_gym.rendering.rail import draw_rail
 from flexdrive_gym.rendering.scale import round_out, text
 from flexdrive_gym.rendering.style import PAPER, QUIET, TEXT
+from flexdrive_gym.units import in_rig_units
 
 if TYPE_CHECKING:
     import pygame
@@ -77,6 +78,7 @@ class Renderer:
 
     def add(self, frame: Frame) -> None:
         """Take the drive's state at the next instant; every sample may be added, also between pictures."""
+        frame = in_rig_units(frame, frame.units)
         self._history.add(frame)
         self._frame = frame
 
@@ -121,7 +123,8 @@ class Renderer:
         """Return the largest position on the rail [mm]: the travel limit, or what was seen where there is none."""
         if isfinite(frame.travel_limit):
             return frame.travel_limit
-        return round_out(0.0, max(1.2 * self._history.highest, -1.2 * self._history.lowest, 100.0))[1]
+        least = 100.0 / frame.units.one("mm")
+        return round_out(0.0, max(1.2 * self._history.highest, -1.2 * self._history.lowest, least))[1]
 
     def _draw(self, frame: Frame) -> pygame.Surface:
         if self._canvas is None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from math import ceil, floor, isfinite, log10
 
 from flexdrive_gym.recording import FloatArray
+from flexdrive_gym.units import Units
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,13 @@ def round_out(low: float, high: float, parts: int = 4) -> tuple[float, float]:
     """Return the range widened to round values."""
     step = round_step((high - low) / parts)
     return floor(low / step + 1e-9) * step, ceil(high / step - 1e-9) * step
+
+
+def reading(value: float, unit: str, units: Units, digits: int | None = None) -> str:
+    """Return a figure of the rig with the rig's name of the lab's ``unit``; ``digits`` decimals suit the lab's alone."""
+    if units.lab:
+        return f"{text(value, digits)} {unit}"
+    return f"{text(float(f'{value:.4g}'))} {units.name(unit)}"
 
 
 def text(value: float, digits: int | None = None) -> str:

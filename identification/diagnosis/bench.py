@@ -8,14 +8,18 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from flexdrive_gym.drive.effects import LAYOUT
 from flexdrive_gym.recording import BoolArray, FloatArray, Recording
+from identification.diagnosis.experiments import IntArray, experiments
 from identification.diagnosis.settings import Settings
 from identification.replay.batch import Together
 from identification.replay.output_error import Run, prepare
 
 Values = Mapping[str, float]
+# a cart that has moved by no more than a count, or so much of its way, within this time rests [s, 1]
+_REST_S, _STILL = 0.025, 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +73,18 @@ class Bench:
             for r in range(len(self.runs))
             for mine in [[p for p in self.pieces if p.recording == r]]
         ]
+
+    @cached_property
+    def units(self) -> IntArray:
+        """Return the unit of validation of every recording, shape (R,): recordings of one experiment err alike."""
+        return experiments(self.recordings)
+
+    def products(self, white: FloatArray) -> FloatArray:
+        """Return the products of whitened columns per unit, shape (U, k, k), from shape (N, k)."""
+        found = np.zeros((int(self.units.max()) + 1, white.shape[1], white.shape[1]))
+        for rows, u in zip(self.rows, self.units, strict=True):
+            found[u] += white[rows].T @ white[rows]
+        return found
 
     @property
     def carts(self) -> int:
@@ -155,6 +171,34 @@ class Bench:
             y = y - y[0] if run.positions and len(y) else y
             found.append(float(np.mean(y**2)) if len(y) else 0.0)
         return np.array(found)
+
+    @cached_property
+    def resting(self) -> list[IntArray]:
+        """Return which carts rest in every block of every recording: 1 for cart 1, 2 for cart 2, 3 for both, shape (blocks,)."""
+        found = []
+        for run in self.runs:
+            mode = np.zeros(-(-len(run.u) // run.block), dtype=np.int64)
+            for c in range(len(run.keep)):
+                x = run.track[c]
+                count = run.counts[c] if len(run.counts) > c and run.counts[c] > 0.0 else 0.0
+                width = max(3, round(_REST_S / run.sample_time))
+                way = maximum_filter1d(x, width) - minimum_filter1d(x, width)
+                still = way <= max(1.5 * count, _STILL * float(np.ptp(x)))
+                mode += (1 << c) * still[:: run.block].astype(np.int64)
+            found.append(mode)
+        return found
+
+    @cached_property
+    def rounding(self) -> dict[str, FloatArray]:
+        """Return the variance of a position reading of every cart per recording, ndarray, shape (carts,) [mm²]."""
+        found = {}
+        for r, run in enumerate(self.runs):
+            length = 1.0 if run.positions else run.block * run.sample_time
+            # where no counts are known, what a block's row errs by
+            floors = [self.floor[i] * length**2 for i, p in enumerate(self.pieces) if p.recording == r]
+            counts = [q**2 / 12.0 for q in run.counts] or floors
+            found[run.name] = np.maximum(np.array(counts[: len(run.keep)]), 1e-14)
+        return found
 
     @cached_property
     def floor(self) -> FloatArray:

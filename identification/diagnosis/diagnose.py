@@ -10,6 +10,7 @@ from dataclasses import replace
 from difflib import get_close_matches
 
 import numpy as np
+from scipy.stats import chi2
 from threadpoolctl import threadpool_limits
 
 from flexdrive_gym import Drive
@@ -18,9 +19,11 @@ from flexdrive_gym.drive.parameters import checked, parameter
 from flexdrive_gym.recording import Recording
 from identification.diagnosis.bench import Bench, Values, free
 from identification.diagnosis.candidates.catalogue import Candidate
+from identification.diagnosis.candidates.free import Shape
+from identification.diagnosis.candidates.phases import Phase
 from identification.diagnosis.fit import intervals
 from identification.diagnosis.homogeneity import homogeneity
-from identification.diagnosis.select import Selection, Selector
+from identification.diagnosis.select import Round, Scored, Selection, Selector
 from identification.diagnosis.settings import Settings
 from identification.diagnosis.split import Split, split_recordings
 from identification.diagnosis.verdict import Diagnosis, Estimate, Finding, Named, RecordingFit, Unnamed, Verdict
@@ -81,7 +84,7 @@ def diagnose(
     with threadpool_limits(1, user_api="blas"), ThreadPoolExecutor(workers) as pool:
         bench = Bench(split.estimation, pool, settings)
         topology = topology or topology_of(split.estimation)
-        selection = Selector(bench, topology, start, alpha, np.random.default_rng(seed), say).run()
+        selection = Selector(bench, topology, start, alpha, seed, say).run()
         sessions = [str(getattr(r, "session", "")) for r in bench.recordings]
         same = homogeneity(selection.model, sessions, alpha, np.random.default_rng([seed, 1]))
     say("opening the report recordings")
@@ -122,19 +125,16 @@ def _result(
     judged = list(split.report) or list(bench.recordings)
     findings = tuple(
         Finding(
-            Named(*candidate.name),
-            {
-                k.rsplit(".", 1)[-1]: Estimate(model[k], limits.get(k, (model[k], model[k])), parameter(k).unit)
-                for k in candidate.keys
-            },
+            Named(*scored.name),
+            _estimates(scored, model, limits),
             tuple(Named(*t.name) for t in step.ties()),
-            _experiment(candidate) if step.ties() else None,
-            1.0 - (step.best.fit.cost if step.best.fit else step.base.cost) / step.base.cost,
-            max(step.p, step.p_rest),
+            _experiment(scored) if step.ties() else None,
+            _share(scored, step),
+            scored.significance,
             _rms(judged, step.base.values),
-            _rms(judged, step.best.fit.values if step.best.fit else step.base.values),
+            _rms(judged, scored.fit.values if scored.fit else step.base.values),
         )
-        for candidate, step in selection.accepted
+        for scored, step in selection.accepted
     )
     unnamed = _unnamed(selection)
     floors = [f.rms for f in measure_floor(judged) if np.isfinite(f.rms)]
@@ -171,20 +171,43 @@ def _verdict(findings: Sequence[Finding], unnamed: Unnamed | None) -> Verdict:
     return "explained" if findings else "no_mismatch"
 
 
+def _share(scored: Scored, step: Round) -> float:
+    """Return the share of the whitened square that a finding explains."""
+    return float(min(1.0, 2.0 * scored.total / max(float(step.base.normal.square.sum()), 1e-300)))
+
+
+def _estimates(scored: Scored, model: Values, limits: Mapping[str, tuple[float, float]]) -> dict[str, Estimate]:
+    """Return a finding's parameters; of an effect with a phase in every run its amplitude, whose square is chi-squared."""
+    candidate = scored.candidate
+    if isinstance(candidate, Phase):
+        amplitude = float(np.sqrt(2.0) * scored.variability[0].size)
+        n = 2 * len(scored.gain)
+        low, high = (amplitude * float(np.sqrt(n / chi2.ppf(q, n))) for q in (0.975, 0.025))
+        unit = "mm" if candidate.where.startswith("encoder") else "V"
+        return {
+            "amplitude": Estimate(amplitude, (low, high), unit),
+            "P": Estimate(candidate.period, (candidate.period, candidate.period), "mm"),
+        }
+    if not isinstance(candidate, Candidate):
+        return {}
+    return {
+        k.rsplit(".", 1)[-1]: Estimate(model[k], limits.get(k, (model[k], model[k])), parameter(k).unit)
+        for k in candidate.keys
+    }
+
+
 def _unnamed(selection: Selection) -> Unnamed | None:
     last = selection.rounds[-1]
-    if not last.accepted or isinstance(last.best.candidate, Candidate):
-        return None
     shape = last.best.candidate
-    white = float(np.sum(last.base.normal.square))
-    share = min(1.0, 2.0 * last.best.total / max(white, 1e-300))
-    near = [s for s in last.scored[1:] if isinstance(s.candidate, Candidate) and s.total > 0.0][:3]
+    if not last.accepted or not isinstance(shape, Shape):
+        return None
+    near = [s for s in last.scored[1:] if not isinstance(s.candidate, Shape) and s.total > 0.0][:3]
     nearest = tuple((s.name[0], float(s.total / last.best.total)) for s in near)
-    return Unnamed(shape.where, share, f"as a function of the {shape.variable}", nearest)
+    return Unnamed(shape.where, _share(last.best, last), f"as a function of the {shape.variable}", nearest)
 
 
-def _experiment(candidate: Candidate) -> str | None:
-    return next((e.separating_experiment for e in EFFECTS if e.id == candidate.id), None) or None
+def _experiment(scored: Scored) -> str | None:
+    return next((e.separating_experiment for e in EFFECTS if e.id == scored.name[0]), None) or None
 
 
 def _fit_of(recording: Recording, first: Values, model: Values, part: str) -> RecordingFit:

@@ -1,8 +1,8 @@
-"""Output error: fit any parameters of a drive to all recordings, weighted by their own noise levels.
+"""Fits of a drive to all recordings, in the metric of their noise.
 
-Estimates use the noise levels alone, scores the whole covariance. A model that lacks something errs in what its friction does;
-whitened by run-to-run friction, those errors hardly count, and an estimate follows what remains: on ``mte360_2022`` the spring
-would come out a fifth too stiff.
+Whitened by the innovations of a disturbed drive (:mod:`identification.diagnosis.noise`) a fit minimises prediction errors, which are
+small as soon as the equations of motion hold, so that it finds a drive from far away. Weighted by noise levels alone it minimises
+output errors, which judge long horizons.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import isfinite
+from typing import Protocol
 
 import numpy as np
 
@@ -18,7 +19,6 @@ from flexdrive_gym.drive.effects import LAYOUT
 from flexdrive_gym.drive.parameters import fastest, parameter
 from flexdrive_gym.recording import FloatArray
 from identification.diagnosis.bench import Bench, Values
-from identification.diagnosis.noise import Noise
 from identification.diagnosis.score import Normal
 from identification.replay.output_error import PHYSICS_S
 
@@ -26,6 +26,18 @@ from identification.replay.output_error import PHYSICS_S
 _STEP = 2e-3
 # a rate times the step beyond which an effect is as good as instantaneous
 _FASTEST = 30.0
+
+
+class Metric(Protocol):
+    """What turns rows into white ones."""
+
+    def white(self, x: FloatArray) -> FloatArray:
+        """Return whitened rows of raw ones, shape (N,) or (N, k)."""
+
+    def residual(self, raw: FloatArray) -> FloatArray:
+        """Return the whitened residual, shape (N,)."""
+
+
 _MASSES = frozenset({"m1", "m2", "k"})
 _LONGEST_STEP = 0.7
 
@@ -41,7 +53,7 @@ class Fit:
     names
         Those that were fitted.
     cost
-        Squared residual, every recording weighted by its own noise level.
+        Squared whitened residual.
     residual : ndarray, shape (N,)
         Raw rows.
     jacobian : ndarray, shape (N, p)
@@ -59,12 +71,14 @@ class Fit:
     jacobian: FloatArray
     interior: FloatArray
     scale: FloatArray
-    noise: Noise
+    bench: Bench
+    metric: Metric
 
     @cached_property
     def normal(self) -> Normal:
-        """Return the normal equations per recording, of the parameters that do not rest at a bound."""
-        return self.noise.normal(self.jacobian[:, self.interior], self.residual)
+        """Return the normal equations per unit, of the parameters that do not rest at a bound."""
+        columns = self.metric.white(self.jacobian[:, self.interior])
+        return Normal.of(self.bench.products(np.column_stack([columns, self.metric.residual(self.residual)])))
 
 
 class Coordinates:
@@ -117,7 +131,7 @@ def _typical(name: str, start: Values) -> float:
 
 def fit(
     bench: Bench,
-    noise: Noise,
+    metric: Metric,
     start: Values,
     names: Sequence[str],
     *,
@@ -144,21 +158,23 @@ def fit(
     z, damping = c.of(start), 1e-3
     now = c.to(z, start)
     raw = bench.residual(now)
-    cost, fresh = _square(noise, raw), jacobian is None
+    white = metric.residual(raw)
+    cost, fresh = float(white @ white), jacobian is None
     S = _jacobian(bench, c, z, now, raw) if jacobian is None else jacobian * c.rate(z)
     for _ in range(settings.iterations if iterations is None else iterations):
-        W = S * noise.weights[:, None]
-        H, g, before = W.T @ W, W.T @ (raw * noise.weights), cost
+        W = metric.white(S)
+        H, g, before = W.T @ W, W.T @ white, cost
         for _attempt in range(6 if fresh else 2):
             new = _stepped(c, z, H, g, damping)
             trial = c.to(new, start)
             if fastest(trial)[0] * PHYSICS_S < _FASTEST:
                 moved = bench.residual(trial)
-                square = _square(noise, moved)
+                moved_white = metric.residual(moved)
+                square = float(moved_white @ moved_white)
                 if square < cost:
                     dz = new - z
                     S = S + np.outer((moved - raw - S @ dz) / max(float(dz @ dz), 1e-300), dz)
-                    z, now, raw, cost = new, trial, moved, square
+                    z, now, raw, white, cost = new, trial, moved, moved_white, square
                     damping = max(0.2 * damping, 1e-7)
                     break
             damping = 8.0 * max(damping, 1e-3)
@@ -171,7 +187,7 @@ def fit(
     if not fresh:
         S = _jacobian(bench, c, z, now, raw)
     inside = (z > c.low + 1e-9) & (z < c.high - 1e-9) & (np.sum(S**2, axis=0) > 0.0)
-    return Fit(now, c.names, cost, raw, S, inside, c.rate(z), noise)
+    return Fit(now, c.names, cost, raw, S, inside, c.rate(z), bench, metric)
 
 
 def _stepped(c: Coordinates, z: FloatArray, H: FloatArray, g: FloatArray, damping: float) -> FloatArray:
@@ -198,10 +214,6 @@ def _jacobian(bench: Bench, c: Coordinates, z: FloatArray, values: Values, here:
     return S
 
 
-def _square(noise: Noise, raw: FloatArray) -> float:
-    return float(np.sum((raw * noise.weights) ** 2))
-
-
 def intervals(best: Fit) -> Mapping[str, tuple[float, float]]:
     """Return 95 % intervals from leaving out one recording after the other (jackknife), Student's t with R - 1 degrees."""
     from scipy.stats import t as student  # noqa: PLC0415
@@ -209,7 +221,7 @@ def intervals(best: Fit) -> Mapping[str, tuple[float, float]]:
     n = best.normal
     R = len(n.square)
     H, g = n.information.sum(axis=0), n.gradient.sum(axis=0)
-    steps = [n.step(H - n.information[r], g - n.gradient[r], best.noise.ridge) for r in range(R)]
+    steps = [n.step(H - n.information[r], g - n.gradient[r], best.bench.settings.damping) for r in range(R)]
     spread = np.sqrt((R - 1.0) / R * np.sum((np.array(steps) - np.mean(steps, axis=0)) ** 2, axis=0))
     half = float(student.ppf(0.975, max(R - 1, 1))) * spread
     found = {name: (best.values[name], best.values[name]) for name in best.names}

@@ -1,4 +1,4 @@
-"""All candidates around the present simulation at once: their sensitivities, and the normal equations of any set of them."""
+"""All candidates around the present simulation at once: whitened sensitivities, and the normal equations of any set of them."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from flexdrive_gym.recording import FloatArray
 from identification.diagnosis.bench import Bench
 from identification.diagnosis.candidates.catalogue import Candidate
 from identification.diagnosis.candidates.free import Shape
+from identification.diagnosis.candidates.phases import Phase, phases
 from identification.diagnosis.fit import Fit
 from identification.diagnosis.noise import Noise
 from identification.diagnosis.score import Normal
@@ -23,70 +24,86 @@ _FASTEST = 30.0
 
 @dataclass(frozen=True, eq=False)
 class Entry:
-    """A candidate and its columns among all columns."""
+    """A candidate and its columns among all columns.
 
-    candidate: Candidate | Shape
+    An effect whose phase differs from run to run has two, of which every recording takes its own share.
+    """
+
+    candidate: Candidate | Shape | Phase
     columns: tuple[int, ...]
+
+    @property
+    def random(self) -> bool:
+        """Whether every recording has its own amplitudes."""
+        return isinstance(self.candidate, Phase)
 
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """Products of all columns: the base model's first, then every candidate's, the residual last.
+    """Sensitivities of all candidates, whitened: the base model's columns first, then every candidate's.
 
     Attributes
     ----------
+    bench
+        The recordings.
     entries
         Candidates that change the simulation.
     base
         Columns of the base model.
-    plain, white : ndarray, shape (R, M + 1, M + 1)
-        Products per recording, in the metric of estimates and in that of scores.
     columns : ndarray, shape (N, M)
         Raw sensitivities.
-    noise
-        Of the rows.
+    white : ndarray, shape (N, M)
+        Whitened ones.
+    products : ndarray, shape (U, M, M)
+        Of whitened columns, per unit.
+    residual : ndarray, shape (N,)
+        Whitened, without what the noise adds on average.
     """
 
+    bench: Bench
     entries: tuple[Entry, ...]
     base: tuple[int, ...]
-    plain: FloatArray
-    white: FloatArray
     columns: FloatArray
-    noise: Noise
+    white: FloatArray
+    products: FloatArray
+    residual: FloatArray
 
-    def normal(self, more: Sequence[int] = (), *, plain: bool = False) -> Normal:
-        """Return the normal equations of the base model with some columns; ``plain`` scores without run-to-run variability."""
-        use = [*self.base, *more, self.plain.shape[1] - 1]
-        index = np.ix_(range(len(self.plain)), use, use)
-        return Normal.from_products(self.plain[index], self.plain[index] if plain else self.white[index])
+    @classmethod
+    def of(
+        cls, bench: Bench, noise: Noise, columns: FloatArray, residual: FloatArray, entries: Sequence[Entry], base: int
+    ) -> Linear:
+        """Whiten columns and residual."""
+        white = noise.white(columns)
+        return cls(
+            bench, tuple(entries), tuple(range(base)), columns, white, bench.products(white), noise.residual(residual)
+        )
+
+    def gradient(self, residual: FloatArray) -> FloatArray:
+        """Return the products of all columns with whitened residuals per unit, shape (U, M, k), from shape (N, k)."""
+        found = np.zeros((len(self.products), self.white.shape[1], residual.shape[1]))
+        for rows, u in zip(self.bench.rows, self.bench.units, strict=True):
+            found[u] += self.white[rows].T @ residual[rows]
+        return found
+
+    def square(self, residual: FloatArray) -> FloatArray:
+        """Return the squares of whitened residuals per unit, shape (U, k)."""
+        found = np.zeros((len(self.products), residual.shape[1]))
+        for rows, u in zip(self.bench.rows, self.bench.units, strict=True):
+            found[u] += np.sum(residual[rows] ** 2, axis=0)
+        return found
+
+    def normal(self, gradient: FloatArray, square: FloatArray, more: Sequence[int] = ()) -> Normal:
+        """Return the normal equations of the base model with some columns, for gradients, shape (U, M), and squares, shape (U,)."""
+        use = [*self.base, *more]
+        return Normal(self.products[np.ix_(range(len(self.products)), use, use)], gradient[:, use], square)
 
     def around(self, model: Fit, noise: Noise) -> Linear:
         """Return the candidates' columns with another base model and other noise, near enough for them to stay what they are."""
         inner = model.jacobian[:, model.interior]
         p, more = inner.shape[1], len(self.base)
-        entries = tuple(Entry(e.candidate, tuple(c - more + p for c in e.columns)) for e in self.entries)
+        entries = [Entry(e.candidate, tuple(c - more + p for c in e.columns)) for e in self.entries]
         columns = np.column_stack([inner, self.columns[:, more:]])
-        return products(noise, columns, model.residual, entries, tuple(range(p)))
-
-    def against(self, residual: FloatArray) -> Linear:
-        """Return the same columns with another residual."""
-        plain, white = self.plain.copy(), self.white.copy()
-        for r, rows in enumerate(self.noise.rows):
-            e = residual[rows] * self.noise.weights[rows]
-            C = self.columns[rows] * self.noise.weights[rows][:, None]
-            products = [(plain, C, e)]
-            if self.noise.modes:
-                U = self.noise.modes[r]
-                f = e - U @ (U.T @ e)
-                # the whitening is symmetric: it may act twice on the residual instead of on every column
-                products.append((white, C, f - U @ (U.T @ f)))
-            else:
-                products.append((white, C, e))
-            for out, columns, y in products:
-                out[r, -1, :-1] = out[r, :-1, -1] = columns.T @ y
-            plain[r, -1, -1] = float(e @ e)
-            white[r, -1, -1] = float(e @ products[1][2])
-        return Linear(self.entries, self.base, plain, white, self.columns, self.noise)
+        return Linear.of(self.bench, noise, columns, model.residual, entries, p)
 
 
 def linearise(
@@ -108,7 +125,7 @@ def linearise(
     here = model.residual
     found = {k: (m - here) / size for (k, (_, size)), m in zip(drives.items(), moved, strict=True)}
     columns: list[FloatArray] = list(model.jacobian[:, model.interior].T)
-    base = tuple(range(len(columns)))
+    base = len(columns)
     entries = []
     place: dict[object, int] = {}
     for c in present:
@@ -120,29 +137,13 @@ def linearise(
                 place[k] = len(columns)
                 columns.append(found[k])
         entries.append(Entry(c, tuple(place[k] for k in keys)))
-    for shape in shapes:
-        pushed = bench.pushed(model.values, shape.forces, shape.size)
+    names = {c.name for c in present}
+    for free, made in [
+        *((s, bench.pushed(model.values, s.forces, s.size)) for s in shapes),
+        *((p, change) for p, change in phases(bench, model.values) if p.name in names),
+    ]:
         first = len(columns)
-        columns += [p for p in pushed if np.any(p)]
+        columns += [p for p in made if np.any(p)]
         if len(columns) > first:
-            entries.append(Entry(shape, tuple(range(first, len(columns)))))
-    return products(noise, np.column_stack(columns), here, tuple(entries), base)
-
-
-def products(
-    noise: Noise, columns: FloatArray, residual: FloatArray, entries: tuple[Entry, ...], base: tuple[int, ...]
-) -> Linear:
-    """Return the products of columns and residual per recording, in both metrics."""
-    both = np.column_stack([columns, residual])
-    plain, white = [], []
-    for r, rows in enumerate(noise.rows):
-        y = both[rows] * noise.weights[rows][:, None]
-        plain.append(y.T @ y)
-        if noise.modes:
-            U = noise.modes[r]
-            # of a projection the products need no whitened rows
-            T = U.T @ y
-            white.append(plain[-1] - T.T @ (2.0 * T - (U.T @ U) @ T))
-        else:
-            white.append(plain[-1])
-    return Linear(entries, base, np.array(plain), np.array(white), columns, noise)
+            entries.append(Entry(free, tuple(range(first, len(columns)))))
+    return Linear.of(bench, noise, np.column_stack(columns), here, entries, base)

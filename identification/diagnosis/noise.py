@@ -1,165 +1,285 @@
-r"""The noise of every recording: a level of its own, and run-to-run variability as a covariance of low rank.
+r"""The noise of a data set: unknown forces, encoder counts, and what differs from run to run.
 
-The rows of recording r have the covariance :math:`\Sigma_r = D_r S D_r^T + \operatorname{diag}(\sigma_{rc}^2)`, with the changes
-:math:`D_r` of :mod:`identification.diagnosis.nuisance`. Rows are whitened with
+The rows of recording r are, around the simulation of a drive that lacks nothing, the response to forces that nobody knows
+(:mod:`identification.diagnosis.whiten`), scaled by :math:`\lambda_r`, and to amplitudes :math:`a_r \sim N(0, S)` of everything that
+differs between runs (:mod:`identification.diagnosis.nuisance`). A row is whitened by the innovations' filter F and then by what the
+amplitudes leave,
 
-.. math:: W = (I - U(1 - (1 + \lambda^2)^{-1/2}) U^T)\, \operatorname{diag}(1/\sigma), \qquad
-   \operatorname{diag}(1/\sigma) D S^{1/2} = U \lambda V^T .
+.. math:: W_r = (I - U(1 - (1 + \lambda^2)^{-1/2}) U^T) F_r, \qquad F_r D_r S^{1/2} = U \lambda V^T .
 
-:math:`\sigma_{rc}` is half what the recording's residual shows and half what a model that misses the same share of every signal
-would leave: each recording has a vote, however small its motion, and none can be given up for a quiet one.
+Five parameters are of the whole data set: intensities of white and of slow forces on each cart, and the slow ones' correlation time. They
+and :math:`S` maximise the likelihood of the residual. A recording has its own :math:`\lambda_r`, half of which is its own and half the
+data set's: each has a vote, however small its motion, and none is given up for a quiet one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
+from scipy.optimize import minimize
 
 from flexdrive_gym.recording import FloatArray
-from identification.diagnosis.bench import Bench
-from identification.diagnosis.nuisance import Direction
-from identification.diagnosis.score import Normal
+from identification.diagnosis.bench import Bench, Values
+from identification.diagnosis.nuisance import Direction, dry_level
+from identification.diagnosis.whiten import transitions, whitened
 
+# intensity of white forces [s^½], standard deviation of slow ones [1], relative to dry friction, and their time [s], where a search
+# begins: what two recorded rigs have (``python -m benchmarks forces``)
+WHITE, SLOW, TIME_S = 0.01, 0.1, 0.3
+# share of the command that unknown forces may have: more is something left out; white ones as their mean over so many seconds
+_MOST_OF_COMMAND, _MEAN_S = 0.1, 0.05
+# between a block and a run [s]
+_TIMES_S = (0.005, 10.0)
+# share of the command that dry friction has at least, where the search begins
+_LEAST_LEVEL = 0.02
+# standard deviation of the logarithms of these over rigs
+_BETWEEN_RIGS = 2.0
+# evaluations of the likelihood per search
+_EVALUATIONS = 120
 # how far a group's standard deviation may go from its prior, as a factor: other rigs are quieter or rougher
 _LEAST, _MOST = 0.25, 2.5
+# rows over which a scatter is smoothed: 15 ms, the time of a slip
+_NEIGHBOURS = 3
 # singular values under which a direction is lost in the noise
-_SEEN = 0.3
+_SEEN = 0.1
+
+
+@dataclass(frozen=True)
+class Forces:
+    """Unknown forces of a data set.
+
+    Attributes
+    ----------
+    white, slow
+        Per cart: intensity [V √s] and standard deviation [V].
+    time_s
+        Correlation time of the slow ones.
+    """
+
+    white: tuple[float, float]
+    slow: tuple[float, float]
+    time_s: float
+
+    @classmethod
+    def of(cls, theta: FloatArray, level: float, command: float) -> Forces:
+        """Return the forces from logarithms relative to the start of a search.
+
+        Parameters
+        ----------
+        level, command
+            Dry friction, and the rms command [V]. What is a larger share of the command is no noise.
+        """
+        most = _MOST_OF_COMMAND * command
+        w = np.minimum(WHITE * level * np.exp(np.minimum(theta[:2], 50.0)), most * np.sqrt(_MEAN_S))
+        s = np.minimum(SLOW * level * np.exp(np.minimum(theta[2:4], 50.0)), most)
+        t = np.clip(TIME_S * np.exp(np.clip(theta[4], -50.0, 50.0)), *_TIMES_S)
+        return cls((float(w[0]), float(w[1])), (float(s[0]), float(s[1])), float(t))
 
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """Covariance of the rows.
+    """Noise of a data set around one drive.
 
     Attributes
     ----------
-    weights : ndarray, shape (N,)
-        Inverse standard deviation of the independent part; 0 where no sample is valid.
-    modes : list of ndarray, shape (rows of a recording, m)
-        Directions that are damped, per recording.
-    rows
-        Rows of every recording.
+    bench
+        The recordings.
+    values
+        Drive that the linear response is taken of.
+    forces
+        Unknown forces.
+    own : ndarray, shape (R,)
+        Scale of every recording's forces.
     scale
-        Group of directions to its standard deviation over the prior one.
+        Group of run-to-run variability to its standard deviation over the prior one.
+    modes : list of ndarray, shape (rows of a recording, m)
+        Directions that are damped, per recording; empty without variability.
+    weights : ndarray, shape (N,), or None
+        Of rows whitened by the filter: below 1 where noise acts on friction and scatters them more widely than the filter expects.
+    offset : ndarray, shape (N,), or None
+        What noise adds to whitened rows on average.
     """
 
-    weights: FloatArray
-    modes: list[FloatArray]
-    rows: list[slice]
-    scale: dict[str, float]
-    ridge: float = 1e-6
+    bench: Bench
+    values: Values
+    forces: Forces
+    own: FloatArray
+    scale: Mapping[str, float] = field(default_factory=dict)
+    modes: Sequence[FloatArray] = ()
+    weights: FloatArray | None = None
+    offset: FloatArray | None = None
 
-    def white(self, x: FloatArray, r: int) -> FloatArray:
-        """Return whitened rows of one recording from raw rows of all, shape (N,) or (N, k)."""
-        part = x[self.rows[r]]
-        y = part * (self.weights[self.rows[r]] if x.ndim == 1 else self.weights[self.rows[r]][:, None])
-        if self.modes:
-            y = y - self.modes[r] @ (self.modes[r].T @ y)
-        return np.asarray(y)
+    @cached_property
+    def _filters(self) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+        """Return transition, covariance and variances at the start for every recording."""
+        found = []
+        q, s = np.array(self.forces.white), np.array(self.forces.slow)
+        for run, own in zip(self.bench.runs, self.own, strict=True):
+            A, Q = transitions(self.values, run.block * run.sample_time, own * q, own * s, self.forces.time_s)
+            rho = _rounding(self.bench, run.name)
+            start = np.array([rho[0], 0.0, rho[-1], 0.0, *(own * s) ** 2])
+            found.append((A, Q, start))
+        return found
 
-    def whitened(self, x: FloatArray) -> list[FloatArray]:
-        """Return whitened rows of all recordings."""
-        return [self.white(x, r) for r in range(len(self.rows))]
+    def innovations(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return rows whitened by the filter alone, shape (N,) or (N, k), and every recording's logarithm of variances."""
+        columns = x[:, None] if x.ndim == 1 else x
+        out, logarithm = np.zeros(columns.shape), np.zeros(len(self.bench.runs))
+        for r, (run, (A, Q, start)) in enumerate(zip(self.bench.runs, self._filters, strict=True)):
+            rows = self.bench.rows[r]
+            carts = len(run.keep)
+            valid = self.bench.valid[rows].reshape(carts, -1)
+            y = columns[rows].reshape(*valid.shape, columns.shape[1]) * valid[..., None]
+            if not run.positions:
+                y = np.cumsum(y, axis=1) * (run.block * run.sample_time)
+            white, logarithm[r] = whitened(
+                A, Q, self.bench.resting[r], start, _rounding(self.bench, run.name), y, valid
+            )
+            out[rows] = white.reshape(valid.size, columns.shape[1])
+        if self.weights is not None:
+            out *= self.weights[:, None]
+        return (out[:, 0] if x.ndim == 1 else out), logarithm
 
-    def normal(self, J: FloatArray, e: FloatArray) -> Normal:
-        """Return the normal equations of raw rows: weighted for estimates, whitened for scores."""
-        both = np.column_stack([J, e])
-        plain = [both[rows] * self.weights[rows][:, None] for rows in self.rows]
-        white = [y - U @ (U.T @ y) for y, U in zip(plain, self.modes, strict=True)] if self.modes else plain
-        return Normal.of(plain, white)
+    def residual(self, raw: FloatArray) -> FloatArray:
+        """Return a whitened residual, shape (N,), without what noise adds to it on average."""
+        return self.white(raw) if self.offset is None else self.white(raw) - self.offset
+
+    def white(self, x: FloatArray) -> FloatArray:
+        """Return whitened rows of raw ones, shape (N,) or (N, k)."""
+        y, _ = self.innovations(x)
+        for rows, U in zip(self.bench.rows, self.modes, strict=False):
+            y[rows] -= U @ (U.T @ y[rows])
+        return y
 
 
-def first_noise(bench: Bench) -> Noise:
-    """Return noise levels before anything was fitted: a share of every signal, and encoder counts."""
-    variances = bench.floor + bench.settings.model_error * bench.signal
-    return Noise(_weights(bench, variances), [], bench.rows, {})
+def _rounding(bench: Bench, name: str) -> FloatArray:
+    return bench.rounding[name]
 
 
-def estimate(bench: Bench, residual: FloatArray, found: Sequence[Direction]) -> Noise:
+def first_noise(bench: Bench, values: Values) -> Noise:
+    """Return the noise before anything is known of it."""
+    return Noise(bench, dict(values), Forces.of(np.zeros(5), *_level(bench, values)), np.ones(len(bench.runs)))
+
+
+def estimate(bench: Bench, values: Values, residual: FloatArray, found: Sequence[Direction]) -> Noise:
     """Return the noise that a residual shows.
 
     Parameters
     ----------
+    values
+        Drive around which rows respond to forces.
     residual
         Raw rows of a generous model: one that lacks nothing that could be named.
     found
         Run-to-run variability around it.
     """
-    rest, scale = residual, {d.group: 1.0 for d in found}
-    variances = _variances(bench, residual)
-    for _ in range(2):
-        rest = _without(bench, residual, found, scale, variances)
-        variances = _variances(bench, rest)
-        scale = _scales(bench, residual, found, scale, variances)
-    weights = _weights(bench, variances)
+    level, rest = _level(bench, values), residual
+    scale = {d.group: 1.0 for d in found}
+    theta, own = np.zeros(5), np.ones(len(bench.runs))
+    noise = first_noise(bench, values)
+    for turn in range(2 if found else 1):
+        theta = _most_likely(bench, values, level, rest, own, theta)
+        own = _own(bench, Noise(bench, dict(values), Forces.of(theta, *level), np.ones(len(own))), rest)
+        noise = Noise(bench, dict(values), Forces.of(theta, *level), own, scale)
+        if not found:
+            break
+        D = np.column_stack([d.change * d.size for d in found])
+        white, _ = noise.innovations(np.column_stack([D, residual]))
+        amplitude, variance = _amplitudes(bench, white, found, scale)
+        scale = _scales(amplitude, variance, found)
+        if turn == 0:
+            rest = residual - np.concatenate([D[rows] @ a for rows, a in zip(bench.rows, amplitude, strict=True)])
+        else:
+            noise = Noise(bench, dict(values), noise.forces, own, scale, _modes(bench, white[:, :-1], found, scale))
+    return noise
+
+
+def scattered(noise: Noise, rows: FloatArray, found: Sequence[Direction]) -> Noise:
+    """Return the noise with less weight on rows that simulated noise scatters more widely than the filter expects.
+
+    Near rest a little force decides whether a cart slips. Rows there are as far from each other in simulations of the same drive as
+    they are from the data, and no candidate may gain from them.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (N, draws)
+        Raw rows of simulated data sets.
+    """
+    bench = noise.bench
+    square = np.mean(noise.innovations(rows)[0] ** 2, axis=1)
+    for p in bench.pieces:
+        square[p.rows] = maximum_filter1d(uniform_filter1d(square[p.rows], _NEIGHBOURS), _NEIGHBOURS)
+    plain = replace(noise, weights=1.0 / np.sqrt(np.maximum(square, 1.0)))
     if not found:
-        return Noise(weights, [], bench.rows, scale)
-    D = np.column_stack([d.change * d.size * scale[d.group] for d in found]) * weights[:, None]
-    modes = []
-    for rows in bench.rows:
-        U, s, _ = np.linalg.svd(D[rows], full_matrices=False)
-        seen = s > _SEEN
-        modes.append(np.asarray(U[:, seen] * np.sqrt(1.0 - 1.0 / np.sqrt(1.0 + s[seen] ** 2))))
-    return Noise(weights, modes, bench.rows, scale)
+        return plain
+    white, _ = plain.innovations(np.column_stack([d.change * d.size for d in found]))
+    return replace(plain, modes=_modes(bench, white, found, noise.scale))
 
 
-def amplitudes(
-    bench: Bench, residual: FloatArray, found: Sequence[Direction], noise: Noise
-) -> list[tuple[FloatArray, FloatArray]]:
-    """Return the most probable amplitudes of every recording and their variances, relative to the prior, shape (k,)."""
-    result = []
-    for rows in bench.rows:
-        D = np.column_stack([d.change[rows] * d.size for d in found]) * noise.weights[rows][:, None]
-        s = np.array([noise.scale[d.group] for d in found])
-        covariance = np.linalg.inv(D.T @ D + np.diag(s**-2.0))
-        result.append((-covariance @ (D.T @ (residual[rows] * noise.weights[rows])), np.diag(covariance)))
-    return result
+def _level(bench: Bench, values: Values) -> tuple[float, float]:
+    """Return the mean dry friction of the carts, and the rms command [V]."""
+    command = float(np.sqrt(np.mean(np.concatenate([run.u for run in bench.runs]) ** 2)))
+    return max(float(np.mean([dry_level(values, c) for c in range(bench.carts)])), _LEAST_LEVEL * command), command
 
 
-def _variances(bench: Bench, rest: FloatArray) -> FloatArray:
-    own, count = np.empty(len(bench.pieces)), np.empty(len(bench.pieces))
-    for i, p in enumerate(bench.pieces):
-        e = rest[p.rows][bench.valid[p.rows]]
-        own[i], count[i] = float(np.mean(e**2)) if len(e) else 0.0, len(e)
-    seen = count > 0
-    excess = np.maximum(own - bench.floor, 0.0)
-    share = float(np.median(excess[seen] / np.maximum(bench.signal[seen], 1e-12)))
-    expected = bench.floor + share * bench.signal
-    mine = bench.settings.own_share
-    return np.maximum(mine * own + (1.0 - mine) * expected, bench.floor)
-
-
-def _weights(bench: Bench, variances: FloatArray) -> FloatArray:
-    weights = np.zeros(len(bench.valid))
-    for i, p in enumerate(bench.pieces):
-        weights[p.rows] = bench.valid[p.rows] / np.sqrt(variances[i])
-    return weights
-
-
-def _without(
-    bench: Bench, residual: FloatArray, found: Sequence[Direction], scale: dict[str, float], variances: FloatArray
+def _most_likely(
+    bench: Bench, values: Values, level: tuple[float, float], rest: FloatArray, own: FloatArray, start: FloatArray
 ) -> FloatArray:
-    """Return a residual without the most probable run-to-run variability."""
-    if not found:
-        return residual
-    noise = Noise(_weights(bench, variances), [], bench.rows, scale)
-    rest = residual.copy()
-    for rows, (a, _) in zip(bench.rows, amplitudes(bench, residual, found, noise), strict=True):
-        rest[rows] += np.column_stack([d.change[rows] * d.size for d in found]) @ a
-    return rest
+    """Return the logarithms of the forces' parameters at the largest likelihood (J. A. Nelder, R. Mead 1965)."""
+
+    def cost(theta: FloatArray) -> float:
+        w, logarithm = Noise(bench, dict(values), Forces.of(theta, *level), own).innovations(rest)
+        return float(0.5 * (w @ w) + 0.5 * logarithm.sum() + 0.5 * np.sum((theta / _BETWEEN_RIGS) ** 2))
+
+    simplex = start + np.vstack([np.zeros(5), np.eye(5)])
+    options = {"maxfev": _EVALUATIONS, "xatol": 0.03, "fatol": 0.5, "initial_simplex": simplex}
+    return np.asarray(minimize(cost, start, method="Nelder-Mead", options=options).x)
 
 
-def _scales(
-    bench: Bench, residual: FloatArray, found: Sequence[Direction], scale: dict[str, float], variances: FloatArray
-) -> dict[str, float]:
+def _own(bench: Bench, noise: Noise, rest: FloatArray) -> FloatArray:
+    """Return the scale of every recording's forces: half its own variance, half the data set's."""
+    w, _ = noise.innovations(rest)
+    count = np.array([max(int(bench.valid[rows].sum()), 1) for rows in bench.rows])
+    square = np.array([float(w[rows] @ w[rows]) for rows in bench.rows]) / count
+    share = bench.settings.own_share
+    return np.sqrt(np.clip(share * square + (1.0 - share), 0.1, 10.0))
+
+
+def _amplitudes(
+    bench: Bench, white: FloatArray, found: Sequence[Direction], scale: Mapping[str, float]
+) -> tuple[FloatArray, FloatArray]:
+    """Return the most probable amplitudes of every recording and their variances, relative to the prior, shape (R, k)."""
+    prior = np.diag([scale[d.group] ** -2.0 for d in found])
+    mean, variance = [], []
+    for rows in bench.rows:
+        D, e = white[rows, :-1], white[rows, -1]
+        covariance = np.linalg.inv(D.T @ D + prior)
+        mean.append(covariance @ (D.T @ e))
+        variance.append(np.diag(covariance))
+    return np.array(mean), np.array(variance)
+
+
+def _scales(mean: FloatArray, variance: FloatArray, found: Sequence[Direction]) -> dict[str, float]:
     """Return the groups' standard deviations, one step of expectation maximisation; what all recordings share is physics."""
-    if not found:
-        return {}
-    noise = Noise(_weights(bench, variances), [], bench.rows, scale)
-    got = amplitudes(bench, residual, found, noise)
-    mean, variance = np.array([a for a, _ in got]), np.array([v for _, v in got])
     own = np.var(mean, axis=0) + variance.mean(axis=0)
-    groups = {d.group for d in found}
+    groups = sorted({d.group for d in found})
     square = {g: float(np.mean([o for o, d in zip(own, found, strict=True) if d.group == g])) for g in groups}
-    return {g: float(np.clip(np.sqrt(s), _LEAST, _MOST)) for g, s in sorted(square.items())}
+    return {g: float(np.clip(np.sqrt(s), _LEAST, _MOST)) for g, s in square.items()}
+
+
+def _modes(bench: Bench, white: FloatArray, found: Sequence[Direction], scale: Mapping[str, float]) -> list[FloatArray]:
+    modes = []
+    sizes = np.array([scale[d.group] for d in found])
+    for rows in bench.rows:
+        # of a tall matrix, by its products
+        D = white[rows] * sizes
+        square, V = np.linalg.eigh(D.T @ D)
+        seen = square > _SEEN**2
+        s = np.sqrt(square[seen])
+        U = D @ V[:, seen] / s
+        modes.append(np.asarray(U * np.sqrt(1.0 - 1.0 / np.sqrt(1.0 + s**2))))
+    return modes

@@ -51,12 +51,15 @@ class Direction:
     wave
         For a ripple along the track: what it is (cart and kind of force), its wavelength [mm], and whether it is the sine (0) or
         the cosine (1). The track is the same in all recordings, which begin anywhere on it.
+    force
+        From a recording's number to the force on each cart per unit amplitude, ndarray, shape (2, n); ``None`` where it is no force.
     """
 
     group: str
     size: float
     change: FloatArray
     wave: tuple[str, float, int] | None = None
+    force: Callable[[int], FloatArray] | None = None
 
 
 def directions(bench: Bench, values: Values) -> list[Direction]:
@@ -66,7 +69,7 @@ def directions(bench: Bench, values: Values) -> list[Direction]:
         level = dry_level(values, c)
         if level <= 0.0 or not any(run.keep[c].any() for run in bench.runs):
             continue
-        against = [-level * _sign(run.measured[c], run.sample_time, positions=run.positions) for run in bench.runs]
+        against = [-level * moving(run.measured[c], run.sample_time, positions=run.positions) for run in bench.runs]
         ones = [np.full(len(run.u), level) for run in bench.runs]
         made.append((f"friction of cart {c + 1}", LEVEL, partial(_shaped, c, against, None), None))
         made.append(("constant force", CONSTANT, partial(_shaped, c, ones, None), None))
@@ -82,7 +85,7 @@ def directions(bench: Bench, values: Values) -> list[Direction]:
                 made.append(("track", HILLS, partial(_shaped, c, ones, wave), (f"hills {c}", length, turn)))
     level = max((dry_level(values, c) for c in range(bench.carts)), default=0.0)
     changes = bench.pushed(values, [force for _, _, force, _ in made], max(0.05 * level, 1e-6)) if made else []
-    found = [Direction(g, s, change, wave) for (g, s, _, wave), change in zip(made, changes, strict=True)]
+    found = [Direction(g, s, change, wave, force) for (g, s, force, wave), change in zip(made, changes, strict=True)]
     if bench.carts == 2 and values.get("m2", 0.0) < 1e6 and values.get("k", 0.0) > 0.0:
         band = min(dry_level(values, 0), dry_level(values, 1)) / values["k"]
         band = max(band, *(max(run.counts, default=0.0) for run in bench.runs))
@@ -126,7 +129,8 @@ def dry_level(values: Values, c: int) -> float:
     return values.get(f"d{c + 1}", 0.0) + values.get(f"presliding.cart_{c + 1}.fd", 0.0)
 
 
-def _sign(y: FloatArray, h: float, *, positions: bool) -> FloatArray:
+def moving(y: FloatArray, h: float, *, positions: bool) -> FloatArray:
+    """Return the direction in which a cart moves, 0 where it may rest, from its velocity or position."""
     v = gaussian_filter1d(y, _SMOOTH_S / h)
     v = np.gradient(v, h) if positions else v
     limit = _RESTING * float(np.sqrt(np.mean(v**2)))

@@ -1,31 +1,35 @@
-r"""The null distribution: what the same pipeline finds in data of this rig in which nothing is left out.
+"""The null distribution: what the same pipeline finds in data of this rig in which nothing is left out.
 
-A draw is the present model's simulation plus the *actual* residual of a generous model, its sign (or, where recordings are few,
-Webb's six-point multiplier) drawn for every recording, with the most probable run-to-run variability in it replaced by a random
-one. Colour, size and coherence with the motion stay what they are; what all recordings share is gone, but for the track, which is
-the same in all of them and is drawn as such. Every candidate's gain is computed in every draw as it is in the data. Each name is
-judged against its own median and upper spread over the draws, for a candidate that acts near reversals gains much in data that
-lack nothing; the largest over the catalogue gives the p-value. M. Webb, Reworking wild bootstrap based inference for clustered
-errors, 2014.
+A draw is a simulation of the present model under everything that is nobody's missing physics: unknown forces of the estimated
+intensities, friction and a track that differ from run to run, and encoder counts. It goes through the drive's own step, so what noise
+does to dry friction (it dithers the reversals, for the mean of a non-linear drive is not the drive of the mean) is in the draws, and
+their mean is taken off the data as off every draw. Every candidate's gain is computed in every draw as it is in the data. Each name is
+judged against the median and the upper spread of its own draws, for a candidate that acts near reversals gains more in data that lack
+nothing; the largest over the catalogue gives the p-value. Draws end early where so many have done better that the answer is
+certain (J. Besag, P. Clifford, Sequential Monte Carlo p-values, Biometrika 78, 1991).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.signal import lfilter
 
 from flexdrive_gym.recording import FloatArray
-from identification.diagnosis.bench import Bench
+from identification.diagnosis.bench import Bench, Values
+from identification.diagnosis.evaluate import Name, Table, evaluate
 from identification.diagnosis.linear import Linear
-from identification.diagnosis.noise import amplitudes
+from identification.diagnosis.noise import Noise, scattered
 from identification.diagnosis.nuisance import Direction, drawn
-from identification.diagnosis.score import Normal, trimmed
 
-Name = tuple[str, str]
 # quantile that tells the spread of a null distribution's upper half, and what it is of a standard normal variable
 _UPPER, _NORMAL = 0.9, 1.2816
+# draws made at a time, and of the first of them, which tell the mean that is taken off
+_CHUNK, _FIRST = 60, 120
+# so many better draws end the series
+_ENOUGH = 15
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,16 +42,21 @@ class Null:
         Centre and upper spread of every name's gain over the draws.
     largest : ndarray, shape (draws,)
         Largest standardised gain of any name.
-    trimmed_mean, trimmed_spread, largest_trimmed
-        The same of the gain without the recording that gains most.
     """
 
     mean: dict[Name, float]
     spread: dict[Name, float]
     largest: FloatArray
-    trimmed_mean: dict[Name, float]
-    trimmed_spread: dict[Name, float]
-    largest_trimmed: FloatArray
+
+    @classmethod
+    def of(cls, gain: Mapping[Name, FloatArray]) -> Null:
+        """Return the distribution from every name's gains over the draws."""
+        mean = {n: float(np.median(g)) for n, g in gain.items()}
+        # predicting others badly has no limit, predicting them well has: the spread that matters is that of the upper half
+        raw = {n: (float(np.quantile(g, _UPPER)) - mean[n]) / _NORMAL for n, g in gain.items()}
+        # half a unit of log-likelihood is what one more parameter gains by chance
+        spread = {n: max(s, 0.5) for n, s in raw.items()}
+        return cls(mean, spread, np.max([(g - mean[n]) / spread[n] for n, g in gain.items()], axis=0))
 
     def score(self, name: Name, gain: float) -> float:
         """Return a gain in spreads of its own null distribution above its centre."""
@@ -58,116 +67,114 @@ class Null:
         """Return how often the best of the catalogue gains as much where nothing is left out."""
         return float((1 + np.sum(self.largest >= self.score(name, gain))) / (len(self.largest) + 1))
 
-    def p_without_best(self, name: Name, gain: float) -> float:
-        """Return the p-value of a gain that leaves out the recording that gains most."""
-        score = (gain - self.trimmed_mean.get(name, 0.0)) / self.trimmed_spread.get(
-            name, float(np.median(list(self.trimmed_spread.values())))
-        )
-        return float((1 + np.sum(self.largest_trimmed >= score)) / (len(self.largest_trimmed) + 1))
 
-
-@dataclass(frozen=True, eq=False)
-class _Draws:
-    """Null draws as gradients of all columns.
-
-    Attributes
-    ----------
-    plain, white : ndarray, shape (R, draws, M)
-        In the metric of estimates and of scores.
-    square : ndarray, shape (R, draws)
-    """
-
-    plain: FloatArray
-    white: FloatArray
-    square: FloatArray
-
-    @classmethod
-    def of(
-        cls, linear: Linear, residual: FloatArray, found: Sequence[Direction], signs: FloatArray, amplitude: FloatArray
-    ) -> _Draws:
-        """Return the draws of a residual with signs, shape (draws, R), and amplitudes, shape (draws, R, directions)."""
-        noise, parts = linear.noise, []
-        D = np.column_stack([d.change for d in found]) if found else np.zeros((len(residual), 0))
-        for r, rows in enumerate(noise.rows):
-            w = noise.weights[rows][:, None]
-            E = np.column_stack([residual[rows], D[rows]]) * w
-            F = E
-            if noise.modes:
-                U = noise.modes[r]
-                F = E - U @ (U.T @ E)
-            C = linear.columns[rows] * w
-            twice = F - noise.modes[r] @ (noise.modes[r].T @ F) if noise.modes else F
-            mix = np.column_stack([signs[:, r], amplitude[:, r]])
-            parts.append((mix @ (E.T @ C), mix @ (twice.T @ C), np.einsum("bi,ij,bj->b", mix, F.T @ F, mix)))
-        return cls(*(np.array([p[i] for p in parts]) for i in range(3)))
-
-    def left_out(self, n: Normal, columns: Sequence[int], damping: float) -> FloatArray:
-        """Return the squares that the others' optimum leaves, for every draw and recording, shape (draws, R)."""
-        plain, white = self.plain[:, :, columns], self.white[:, :, columns]
-        H, total = n.information.sum(axis=0), plain.sum(axis=0)
-        found = np.empty(self.square.T.shape)
-        for r in range(len(n.square)):
-            A = H - n.information[r]
-            d = np.sqrt(np.maximum(np.diag(A), 1e-300))
-            inverse = np.linalg.inv(A / np.outer(d, d) + damping * np.eye(len(d))) / np.outer(d, d)
-            step = -(total - plain[r]) @ inverse
-            own = np.sum((step @ n.score_information[r]) * step, axis=1)
-            found[:, r] = self.square[r] + 2.0 * np.sum(step * white[r], axis=1) + own
-        return found
+def first_draws(
+    bench: Bench, values: Values, noise: Noise, found: Sequence[Direction], seed: Sequence[int]
+) -> tuple[Noise, FloatArray]:
+    """Return the noise with the weights and the mean that simulations of it tell, and their whitened rows, shape (N, draws)."""
+    raw = simulated(bench, values, noise, found, range(_FIRST), seed)
+    noise = scattered(noise, raw, found)
+    rows = noise.white(raw)
+    noise = replace(noise, offset=rows.mean(axis=1))
+    return noise, rows - noise.offset[:, None]  # type: ignore[index]
 
 
 def null_of(
-    linear: Linear, bench: Bench, residual: FloatArray, found: Sequence[Direction], rng: np.random.Generator
-) -> Null:
-    """Draw the null distribution.
+    linear: Linear,
+    values: Values,
+    noise: Noise,
+    found: Sequence[Direction],
+    first: FloatArray,
+    data: Table,
+    seed: Sequence[int],
+) -> tuple[Null, Null]:
+    """Draw the null distributions of gains, and of gains without the experiment that gains most.
 
     Parameters
     ----------
     linear
         All candidates around the present model.
-    residual
-        Raw rows of a generous model.
+    values
+        Present model.
     found
         Run-to-run variability.
+    first : ndarray, shape (N, draws)
+        Whitened rows of draws made already.
+    data
+        Gains in the data, which tell when draws are enough.
+    seed
+        Of the draws.
     """
-    settings, R = bench.settings, len(linear.plain)
-    signs = multipliers(settings.draws, R, settings.few, rng)
-    amplitude = drawn(found, linear.noise.scale, R, settings.draws, rng)
-    rest = residual.copy()
-    for rows, (a, _) in zip(
-        bench.rows, amplitudes(bench, residual, found, linear.noise) if found else [], strict=False
-    ):
-        rest[rows] += np.column_stack([d.change[rows] * d.size for d in found]) @ a
-    draws = _Draws.of(linear, rest, found, signs, amplitude)
-    base = draws.left_out(linear.normal(), linear.base, settings.damping)
-    gain: dict[Name, FloatArray] = {}
-    less: dict[Name, FloatArray] = {}
-    for entry in linear.entries:
-        columns = [*linear.base, *entry.columns]
-        each = 0.5 * (base - draws.left_out(linear.normal(entry.columns), columns, settings.damping))
-        total, rest = each.sum(axis=1), trimmed(each)
-        name = entry.candidate.name
-        better = total > gain[name] if name in gain else np.ones(len(total), dtype=bool)
-        gain[name] = np.where(better, total, gain.get(name, total))
-        less[name] = np.where(better, rest, less.get(name, rest))
-    return Null(*_standardised(gain), *_standardised(less))
+    bench = linear.bench
+    gains: list[Table] = [evaluate(linear, first)]
+    made = first.shape[1]
+    while True:
+        gain = {n: np.concatenate([t.total[n] for t in gains]) for n in gains[0].total}
+        rest = {n: np.concatenate([t.rest[n] for t in gains]) for n in gains[0].rest}
+        nulls = Null.of(gain), Null.of(rest)
+        best = min(
+            max(null.p_value(n, float(own[n][0])) for null, own in zip(nulls, (data.total, data.rest), strict=True))
+            for n in data.total
+        )
+        if made >= bench.settings.draws or best * (made + 1) > _ENOUGH:
+            return nulls
+        rows = noise.white(simulated(bench, values, noise, found, range(made, made + _CHUNK), seed))
+        gains.append(evaluate(linear, rows - noise.offset[:, None]))
+        made += _CHUNK
 
 
-def _standardised(gain: dict[Name, FloatArray]) -> tuple[dict[Name, float], dict[Name, float], FloatArray]:
-    """Return every name's mean and spread over the draws, and the largest standardised gain of every draw."""
-    mean = {n: float(np.median(g)) for n, g in gain.items()}
-    # predicting others badly has no limit, predicting them well has: the spread that matters is that of the upper half
-    raw = {n: (float(np.quantile(g, _UPPER)) - mean[n]) / _NORMAL for n, g in gain.items()}
-    # a candidate that hardly changes anything has no spread to be judged by
-    least = 0.25 * float(np.median(list(raw.values())))
-    spread = {n: max(s, least, 1e-9) for n, s in raw.items()}
-    largest = np.max([(g - mean[n]) / spread[n] for n, g in gain.items()], axis=0)
-    return mean, spread, np.asarray(largest)
+def simulated(
+    bench: Bench, values: Values, noise: Noise, found: Sequence[Direction], draws: range, seed: Sequence[int]
+) -> FloatArray:
+    """Return rows of simulated data sets against the drive itself, shape (N, draws)."""
+    here = bench.residual(values, [np.zeros((2, len(run.u))) for run in bench.runs])
+    forces = [d for d in found if d.force is not None]
+    shapes = [
+        np.array([d.force(r) for d in forces], dtype=np.float32)
+        for r in range(len(bench.runs))
+        if forces  # type: ignore[misc]
+    ]
+    moved = [d for d in found if d.force is None]
+
+    def one(draw: int) -> FloatArray:
+        rng = np.random.default_rng([*seed, draw])
+        amplitude = drawn(found, noise.scale, len(bench.runs), 1, rng)[0] if found else np.zeros((len(bench.runs), 0))
+        index = [i for i, d in enumerate(found) if d.force is not None]
+        pushes = []
+        for r, run in enumerate(bench.runs):
+            push = _forces(noise, r, len(run.u), run.sample_time, rng)
+            if forces:
+                push += np.tensordot(amplitude[r, index].astype(np.float32), shapes[r], axes=1)
+            pushes.append(push)
+        rows = here - bench.residual(values, pushes) + _rounding(bench, rng)
+        for i, d in enumerate(found):
+            if d.force is None and moved:
+                for r, own in enumerate(bench.rows):
+                    rows[own] += d.change[own] * amplitude[r, i]
+        return np.asarray(rows * bench.valid)
+
+    return np.column_stack(list(bench.pool.map(one, draws)))
 
 
-def multipliers(draws: int, recordings: int, few: int, rng: np.random.Generator) -> FloatArray:
-    """Return random multipliers of mean 0 and variance 1, shape (draws, recordings)."""
-    if recordings >= few:
-        return rng.choice([-1.0, 1.0], (draws, recordings))
-    six = np.sqrt([0.5, 1.0, 1.5])
-    return rng.choice(np.concatenate([-six, six]), (draws, recordings))
+def _forces(noise: Noise, r: int, n: int, h: float, rng: np.random.Generator) -> FloatArray:
+    """Return unknown forces on both carts, shape (2, n) [V]."""
+    own, found = float(noise.own[r]), np.empty((2, n))
+    keep = float(np.exp(-h / noise.forces.time_s))
+    for c in range(2):
+        white = rng.standard_normal(n) * noise.forces.white[c] / np.sqrt(h)
+        drive = rng.standard_normal(n) * noise.forces.slow[c] * np.sqrt(1.0 - keep**2)
+        drive[0] = rng.standard_normal() * noise.forces.slow[c]
+        found[c] = own * (white + lfilter([1.0], [1.0, -keep], drive))
+    return found
+
+
+def _rounding(bench: Bench, rng: np.random.Generator) -> FloatArray:
+    """Return what encoder counts add to the rows."""
+    found = np.zeros(len(bench.valid))
+    for p in bench.pieces:
+        run = bench.runs[p.recording]
+        size = float(np.sqrt(bench.rounding[run.name][p.cart]))
+        n = p.rows.stop - p.rows.start
+        error = size * np.sqrt(3.0) * rng.uniform(-1.0, 1.0, n + 1)
+        found[p.rows] = error[1:] if run.positions else np.diff(error) / (run.block * run.sample_time)
+    return found

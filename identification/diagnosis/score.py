@@ -1,19 +1,17 @@
-r"""Scores: by how much a candidate improves the prediction of recordings that its parameters were not estimated from.
+r"""Scores: by how much a candidate improves the prediction of experiments that its parameters were not estimated from.
 
-Around an optimum the weighted residual of recording r is :math:`e_r + J_r \Delta`. With :math:`H_r = J_r^T J_r` and
-:math:`g_r = J_r^T e_r`, the others' optimum and the square of the whitened residual :math:`W_r (e_r + J_r \Delta)` that it leaves
-in r are
+Around an optimum the whitened residual of unit u (an experiment with its replicates) is :math:`e_u + J_u \Delta`. With
+:math:`H_u = J_u^T J_u` and :math:`g_u = J_u^T e_u`, the others' optimum and the square that it leaves in u are
 
 .. math::
-   \Delta_{-r} = -\Bigl(\sum_{q \ne r} H_q\Bigr)^{-1} \sum_{q \ne r} g_q, \qquad
-   S_r = e_r^T W_r^2 e_r + 2\,\Delta_{-r}^T J_r^T W_r^2 e_r + \Delta_{-r}^T J_r^T W_r^2 J_r \Delta_{-r} .
+   \Delta_{-u} = -\Bigl(\sum_{q \ne u} H_q\Bigr)^{-1} \sum_{q \ne u} g_q, \qquad
+   S_u = e_u^T e_u + 2\,\Delta_{-u}^T g_u + \Delta_{-u}^T H_u \Delta_{-u} .
 
-The score of a candidate in r is the gain of predictive log-likelihood, half of S without it minus half of S with it.
+The score of a candidate in u is the gain of predictive log-likelihood, half of S without it minus half of S with it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,59 +22,53 @@ from flexdrive_gym.recording import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Normal:
-    """Normal equations of every recording, in the metric of estimates and in that of scores.
+    """Normal equations of every unit.
 
     Attributes
     ----------
-    information, gradient : ndarray, shapes (R, p, p) and (R, p)
-        Of estimates; the gradient is that of half the square.
-    score_information, score_gradient, square : ndarray, shapes (R, p, p), (R, p) and (R,)
-        Of scores.
+    information, gradient, square : ndarray, shapes (U, p, p), (U, p) and (U,)
+        The gradient is that of half the square.
     signs : ndarray, shape (p,), or None
         Sign that a solution must have where it is not 0: a mass is positive. ``None`` where none is asked for.
     """
 
     information: FloatArray
     gradient: FloatArray
-    score_information: FloatArray
-    score_gradient: FloatArray
     square: FloatArray
     signs: FloatArray | None = None
 
     @classmethod
-    def of(cls, plain: Sequence[FloatArray], white: Sequence[FloatArray], signs: FloatArray | None = None) -> Normal:
-        """Return the normal equations of rows whose last column is the residual, per recording in both metrics."""
-        one = np.array([y.T @ y for y in plain])
-        two = one if white is plain else np.array([y.T @ y for y in white])
-        return cls.from_products(one, two, signs)
-
-    @classmethod
-    def from_products(cls, one: FloatArray, two: FloatArray, signs: FloatArray | None = None) -> Normal:
-        """Return the normal equations from products of columns whose last is the residual, shape (R, p + 1, p + 1)."""
-        return cls(one[:, :-1, :-1], one[:, :-1, -1], two[:, :-1, :-1], two[:, :-1, -1], two[:, -1, -1], signs)
+    def of(cls, products: FloatArray, signs: FloatArray | None = None) -> Normal:
+        """Return the normal equations from products of columns whose last is the residual, shape (U, p + 1, p + 1)."""
+        return cls(products[:, :-1, :-1], products[:, :-1, -1], products[:, -1, -1], signs)
 
     def solve(self, damping: float = 1e-10) -> FloatArray:
         """Return the step to the common optimum, shape (p,)."""
         return self.step(self.information.sum(axis=0), self.gradient.sum(axis=0), damping)
 
     def step(self, H: FloatArray, g: FloatArray, damping: float) -> FloatArray:
-        """Return the step to the optimum of some recordings."""
+        """Return the step to the optimum of some units."""
         return -_solve(H, g, damping) if self.signs is None else -_signed(H, g, -self.signs, damping)
 
-    def left_out(self, damping: float) -> FloatArray:
-        """Return the square that the others' optimum leaves in each recording, shape (R,)."""
+    def steps(self, damping: float) -> FloatArray:
+        """Return the steps to the others' optimum, shape (U, p)."""
         H = self.information.sum(axis=0) - self.information
         g = self.gradient.sum(axis=0) - self.gradient
         steps = -_solve(H, g, damping)
         if self.signs is not None:
-            for r in np.flatnonzero((steps * self.signs < 0.0).any(axis=1)):
-                steps[r] = self.step(H[r], g[r], damping)
-        own = np.einsum("ri,rij,rj->r", steps, self.score_information, steps)
-        return np.asarray(self.square + 2.0 * np.sum(steps * self.score_gradient, axis=1) + own)
+            for u in np.flatnonzero((steps * self.signs < 0.0).any(axis=1)):
+                steps[u] = self.step(H[u], g[u], damping)
+        return steps
+
+    def left_out(self, damping: float) -> FloatArray:
+        """Return the square that the others' optimum leaves in each unit, shape (U,)."""
+        steps = self.steps(damping)
+        own = np.einsum("ui,uij,uj->u", steps, self.information, steps)
+        return np.asarray(self.square + 2.0 * np.sum(steps * self.gradient, axis=1) + own)
 
 
 def gains(without: Normal, with_: Normal, damping: float) -> FloatArray:
-    """Return the gain of predictive log-likelihood per recording, shape (R,)."""
+    """Return the gain of predictive log-likelihood per unit, shape (U,)."""
     return np.asarray(0.5 * (without.left_out(damping) - with_.left_out(damping)))
 
 
@@ -88,8 +80,8 @@ def studentised(gain: FloatArray) -> FloatArray:
 
 
 def trimmed(gain: FloatArray) -> FloatArray:
-    """Return the sum of gains along the last axis without the largest: what one recording alone shows is no property of a rig."""
-    return np.asarray(gain.sum(axis=-1) - gain.max(axis=-1))
+    """Return the sum of gains along the last axis without the largest: what one experiment alone shows is no property of a rig."""
+    return np.asarray(gain.sum(axis=-1) - gain.max(axis=-1)) if gain.shape[-1] > 1 else gain.sum(axis=-1)
 
 
 def _solve(H: FloatArray, g: FloatArray, damping: float) -> FloatArray:

@@ -188,7 +188,7 @@ class Screen:
             # the residual of a solution is its columns minus the target
             both[:, -1] *= -1.0
             parts.append(both)
-        return Normal.of(parts, parts, np.array([*self._signs(), *signs]))
+        return Normal.of(np.array([y.T @ y for y in parts]), np.array([*self._signs(), *signs]))
 
     def _r2(self, normal: Normal) -> float:
         return 1.0 - float(np.sum(normal.left_out(self.settings.damping)) / np.sum(normal.square))

@@ -36,6 +36,10 @@ class Settings:
     finished
         Candidates per round whose fits are carried to the end; the others are left after a few steps, for none of them came
         within half of the best one's gain on development data.
+    large
+        Share of the squared error that a candidate explains, from which on the noise is estimated again around its fit [1].
+    far
+        Share of the signal's variance that a simulation misses, beyond which the equation error proposes candidates, too [1].
     generous
         Largest number of further candidates that the generous model takes in linearly: enough for what is left besides the
         effect in question, few against the rows of one recording.
@@ -64,10 +68,12 @@ class Settings:
     reversal: float = 0.15
     model_error: float = 0.02
     own_share: float = 0.5
-    proposals: int = 10
+    proposals: int = 8
     finished: int = 6
+    large: float = 0.2
+    far: float = 0.05
     generous: int = 6
-    draws: int = 999
+    draws: int = 480
     few: int = 12
     rounds: int = 5
     small_motion: float = 1.0

@@ -6,10 +6,12 @@ import io
 from collections.abc import Callable
 from functools import wraps
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from weakref import WeakKeyDictionary
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter
 
 from flexdrive_gym.files import write_atomically
@@ -114,6 +116,15 @@ def shade_faults(axes: Axes, recording: Recording, *places: str) -> None:
         named.add(fault.id)
 
 
+# axes that are drawn in the engine's units and labelled in the rig's
+_PER_UNIT: WeakKeyDictionary[Axis, float] = WeakKeyDictionary()
+
+
+def per_unit(axis: Axis) -> float:
+    """Return how many of the numbers on an axis make one of what its label says; see :func:`label_in`."""
+    return _PER_UNIT.get(axis, 1.0)
+
+
 def label_in(axis: Axis, text: str, units: Units) -> None:
     """Label an axis whose numbers are the engine's as the rig's owner reads it.
 
@@ -128,8 +139,17 @@ def label_in(axis: Axis, text: str, units: Units) -> None:
     """
     axis.set_label_text(units.name(text))
     one = units.one(text[text.rindex("[") + 1 : text.rindex("]")])
+    _PER_UNIT[axis] = one
     if one != 1.0:
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / one:g}"))
+
+
+def rename_units(figure: Figure, units: Units) -> None:
+    """Name the rig's units in a figure whose numbers are the rig's and whose labels name the lab's in square brackets."""
+    if units.lab:
+        return
+    for text in figure.findobj(Text):
+        text.set_text(units.label(text.get_text()))
 
 
 def legend_above(axes: Axes) -> None:

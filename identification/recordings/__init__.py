@@ -6,7 +6,7 @@ from identification.recordings.reader import read_recordings
 from identification.recordings.recognise import recognise_excitation
 from identification.recordings.recording_set import RecordingSet, Skipped
 from identification.recordings.rig import Rig, load_rig
-from identification.recordings.writer import write_recording
+from identification.recordings.writer import write_recording, write_rig
 
 __all__ = [
     "RecordingError",
@@ -18,4 +18,5 @@ __all__ = [
     "read_recordings",
     "recognise_excitation",
     "write_recording",
+    "write_rig",
 ]

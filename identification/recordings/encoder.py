@@ -2,8 +2,9 @@
 
 A cart that is struck may *start* abruptly (a gap in the gear closes), and a reading behind play between
 gear and rack resumes abruptly after each reversal. Both *stop* smoothly, and both recur: a standstill that
-only ends abruptly is called frozen only where such standstills are rare in the whole data set, and events
-that keep time with the drive are impacts, not faults.
+only ends abruptly is called frozen only where such standstills are rare in the whole data set. Events
+that keep time with the drive are impacts, and jolts that come back at one place of the cart in several runs
+are a tooth's or a joint's: neither is a fault.
 """
 
 from __future__ import annotations
@@ -21,10 +22,11 @@ from identification.recordings.motion import Encoder, channel, encoder_speed, le
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexdrive_gym.recording import Recording
+    from flexdrive_gym.recording import FloatArray, Recording
 
 ROUNDED = 2.0  # counts by which a difference of readings may be off
 RECURRING = 3  # events at one phase of the drive
+PLACE = 0.3  # mm within which jolts of several runs are at one place, about a third of a tooth
 UNMOVED = 5.0  # mm that the other cart travels while a dead encoder never counts
 
 _Event = TypeVar("_Event", Standstill, Dip)
@@ -53,6 +55,11 @@ def encoder_faults(recordings: Sequence[Recording], where: Encoder) -> tuple[lis
     sudden = [[s for s in found if s.starts_abruptly and not s.stops_abruptly] for found in stills]
     # play shows in all its restarts, also in those that alone would be in doubt
     played = sum(s.resumes_at_speed and not s.stops_abruptly for found in stills for s in found) > RARE
+    jolts = [
+        _dips(recording, speed, still, where)
+        for recording, speed, still in zip(recordings, channels, stills, strict=True)
+    ]
+    placed = _placed(recordings, jolts, where)
     faults: list[list[Fault]] = []
     notes: list[list[str]] = []
     for k, recording in enumerate(recordings):
@@ -66,19 +73,47 @@ def encoder_faults(recordings: Sequence[Recording], where: Encoder) -> tuple[lis
         frozen, struck = _sporadic(recording, frozen, stills[k])
         frozen += [s for s in lasting(recording, channels[k], stills[k]) if s not in frozen]
         found = [fault for still in frozen for fault in _freeze(recording, where, still)]
-        speed = channels[k]
-        if speed is not None:
-            # a reading that is off by a count or two is rounded, not lost
-            least = ROUNDED * recording.quantum[int(where[-1]) - 1] / recording.sample_time
-            dips = [dip for dip in find_dips(*speed, stills[k]) if abs(dip.lost) > least]
-            dips, jolted = _sporadic(recording, dips, dips)
-            found += [_momentary(recording, where, dip) for dip in dips] + _leaps(recording, where)
+        if channels[k] is not None:
+            dips, jolted = _sporadic(recording, jolts[k], jolts[k])
+            found += [_momentary(recording, where, dip) for dip in dips if dip not in placed[k]] + _leaps(
+                recording, where
+            )
             struck += jolted
+        if placed[k]:
+            said.append(
+                f"{where}: {len(placed[k])} jolts come back at one place in several runs, as at a tooth: no fault"
+            )
         if struck:
             said.append(f"{where}: {struck} jolts recur with the drive, as impacts in a gap do: no fault")
         faults.append(found + _dead(recording, where))
         notes.append(said)
     return faults, notes
+
+
+def _dips(
+    recording: Recording, speed: tuple[FloatArray, float] | None, stills: Sequence[Standstill], where: Encoder
+) -> list[Dip]:
+    """Return the moments of a run at which counts seem lost; a reading that is off by a count or two is rounded."""
+    if speed is None:
+        return []
+    least = ROUNDED * recording.quantum[int(where[-1]) - 1] / recording.sample_time
+    return [dip for dip in find_dips(*speed, stills) if abs(dip.lost) > least]
+
+
+def _placed(recordings: Sequence[Recording], jolts: Sequence[list[Dip]], where: Encoder) -> list[list[Dip]]:
+    """Return, run by run, the jolts within :data:`PLACE` of which those of at least :data:`RECURRING` runs lie."""
+    places = [
+        [] if (x := channel(recording, f"x{where[-1]}")) is None else [float(x[dip.first]) for dip in dips]
+        for recording, dips in zip(recordings, jolts, strict=True)
+    ]
+
+    def recurs(place: float) -> bool:
+        return sum(any(abs(other - place) <= PLACE for other in run) for run in places) >= RECURRING
+
+    return [
+        [dip for dip, place in zip(dips, run, strict=False) if recurs(place)]
+        for dips, run in zip(jolts, places, strict=True)
+    ]
 
 
 def _freeze(recording: Recording, where: Encoder, still: Standstill) -> list[Fault]:

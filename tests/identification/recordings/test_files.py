@@ -5,7 +5,7 @@ from datetime import datetime
 import numpy as np
 import pytest
 
-from identification.recordings import RecordingError
+from identification.recordings import RecordingError, read_recordings
 from identification.recordings.errors import NotARecordingError
 from identification.recordings.files import read_table
 from tests.identification.recordings.logs import csv_text, velocity_log, write_csv
@@ -180,16 +180,48 @@ def test_a_date_in_the_name(tmp_path, log):
         assert read_table(write_csv(tmp_path / name, log)).recorded == date
 
 
-def test_parquet_needs_its_package(tmp_path):
+def test_parquet_is_read_as_the_same_log_in_text(tmp_path):
     pandas = pytest.importorskip("pandas")
+    pytest.importorskip("pyarrow", reason="extra parquet is not installed")
+    t = np.arange(200) * 1e-3
+    frame = pandas.DataFrame({"t_s": t, "u_V": np.sin(t), "x1_mm": np.arange(200), "note": ["as found"] * 200})
+    frame.to_parquet(tmp_path / "a.parquet")
+    table = read_table(tmp_path / "a.parquet")
+    found = dict(zip(table.labels, table.values, strict=True))
+    for name in ("t_s", "u_V", "x1_mm"):
+        np.testing.assert_allclose(found[name], frame[name], rtol=1e-12)
+
+
+def test_parquet_with_a_clock_of_dates(tmp_path):
+    pandas = pytest.importorskip("pandas")
+    pytest.importorskip("pyarrow", reason="extra parquet is not installed")
+    stamps = pandas.date_range("2025-11-20 11:21:24", periods=300, freq="1ms", tz="UTC")
+    log = pandas.DataFrame({"u_V": np.where(np.arange(300) % 100 < 50, 1.0, -1.0), "v1_mm_s": np.arange(300.0)})
+    log.set_index(stamps.rename("time")).to_parquet(tmp_path / "a.parquet")
+    (run,) = read_recordings(tmp_path)
+    assert run.n == 300
+    # what a double leaves of seconds since 1970
+    assert run.sample_time == pytest.approx(1e-3, rel=3e-4)
+    assert run.recorded == datetime(2025, 11, 20, 11, 21, 24)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.95])
+def test_damaged_parquet_is_skipped_with_a_reason(tmp_path, share):
+    pandas = pytest.importorskip("pandas")
+    pytest.importorskip("pyarrow", reason="extra parquet is not installed")
     path = tmp_path / "a.parquet"
-    path.write_bytes(b"PAR1")
-    if importlib.util.find_spec("pyarrow") or importlib.util.find_spec("fastparquet"):
-        pandas.DataFrame({"t_s": [0.0, 1.0], "u_V": [1.0, 2.0]}).to_parquet(path)
-        assert read_table(path).labels == ("t_s", "u_V")
-    else:
-        with pytest.raises(RecordingError, match=r"needs the package pyarrow .*pip install pyarrow"):
-            read_table(path)
+    pandas.DataFrame({"t_s": np.arange(100.0), "u_V": np.ones(100)}).to_parquet(path)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(share * len(whole))])
+    with pytest.raises(RecordingError, match=r"a\.parquet.*complete parquet file"):
+        read_table(path)
+
+
+def test_parquet_needs_its_package(tmp_path, monkeypatch):
+    (tmp_path / "a.parquet").write_bytes(b"PAR1")
+    monkeypatch.setattr(importlib.util, "find_spec", lambda _name: None)
+    with pytest.raises(RecordingError, match=r"needs the package pyarrow .*pip install pyarrow"):
+        read_table(tmp_path / "a.parquet")
 
 
 @pytest.mark.parametrize("text", ["", "\n\n", "# only a comment\n"])

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from flexdrive_gym.recording import Recording
-from identification.recordings import RecordingError, read_recordings, write_recording
+from flexdrive_gym.units import Units
+from identification.recordings import RecordingError, read_recordings, write_recording, write_rig
 from tests.identification.recordings.logs import closed_loop, open_loop, recording, time
 
 
@@ -66,3 +67,20 @@ def test_other_extensions_are_refused(tmp_path, name):
     with pytest.raises(RecordingError, match=r"written as .csv or .csv.gz; got .* Name the file a.csv"):
         write_recording(recording(), tmp_path / name)
     assert not (tmp_path / name).exists()
+
+
+def test_a_rig_in_radians_is_written_and_read_back_in_radians(tmp_path):
+    rotary = Units("rad", "N m", per_length=1000.0, per_command=100.0)
+    run = replace(recording(), units=rotary)
+    path = write_recording(run, tmp_path / "a.csv")
+    assert path.read_text().startswith("t [s],u [N m],v1 [rad/s],v2 [rad/s]\n")
+    rig = write_rig(rotary, 2, tmp_path / "rig.toml", "servo")
+    (again,) = read_recordings(path, rig=rig)
+    told, was = again.in_rig_units(), run.in_rig_units()
+    assert (again.units.length, again.units.command) == ("rad", "N m")
+    for channel in ("u", "v1", "v2"):
+        np.testing.assert_allclose(getattr(told, channel), getattr(was, channel), rtol=1e-8, atol=1e-12)
+    assert told.quantum == pytest.approx(was.quantum, rel=1e-5)
+    # without the description nobody takes newton metres for volts
+    with pytest.raises(RecordingError, match=r"u \[N m\]: the unit must be one of voltage"):
+        read_recordings(path)

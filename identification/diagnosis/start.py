@@ -1,0 +1,105 @@
+"""Where fits begin: the equation error, which sees far, and the sensitivities of the present simulation, which see near."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from flexdrive_gym.drive.parameters import parameter
+from identification.diagnosis.bench import Bench, Values
+from identification.diagnosis.candidates.catalogue import Candidate, look_alikes, null_value
+from identification.diagnosis.evaluate import Name, Table
+from identification.diagnosis.fit import Fit
+from identification.diagnosis.linear import Linear
+from identification.diagnosis.screen import Screen
+from identification.equation_error import start_values
+from identification.topology import Topology
+
+Start = tuple[Candidate, dict[str, float]]
+
+
+def base_starts(bench: Bench, topology: Topology) -> list[dict[str, float]]:
+    """Return starts of the base model: both equation errors, a heavier cart 2, other stiffnesses, and no friction."""
+    starts = [Screen(bench.recordings, bench.settings, bench.pool).values]
+    found = start_values(bench.recordings, topology)
+    starts.append({**topology.start, **found})
+    good = [_positive(s, topology) for s in starts if _sound({k: v for k, v in s.items() if k[0] == "m"})]
+    good = good or [_positive(starts[1], topology)]
+    first = good[0]
+    if "k" in first:
+        good += [{**first, "k": f * first["k"]} for f in (0.5, 2.0)]
+    if "m2" in first and "m2" in topology.free:
+        good.append({**first, "m2": 1.5 * first["m2"], "k": 1.3 * first["k"]})
+    good.append({**first, **{k: 0.3 * v for k, v in first.items() if k[0] == "d"}})
+    return [{**s, **topology.fixed} for s in good]
+
+
+def candidate_starts(base: Fit, linear: Linear, table: Table, candidates: Sequence[Candidate]) -> list[Start]:
+    """Return the leading candidates around the simulation with their sizes, their look-alikes, and what a cart at rest hides."""
+    damping, most = linear.bench.settings.damping, linear.bench.settings.proposals
+    residual = linear.residual[:, None]
+    g, square = linear.gradient(residual)[..., 0], linear.square(residual)[:, 0]
+    found: dict[Name, Start] = {}
+    for name in sorted(table.total, key=lambda n: -table.total[n][0]):
+        entry = linear.entries[table.entry[name][0]]
+        candidate = entry.candidate
+        if not isinstance(candidate, Candidate):
+            continue
+        sizes = linear.normal(g, square, entry.columns).solve(damping)[len(linear.base) :]
+        own = {}
+        for (key, start), size in zip(candidate.sizes, sizes, strict=True):
+            q = parameter(key)
+            least = 0.1 * start
+            # a size of the wrong sign cannot be fitted from null, where there is no slope to see
+            own[key] = float(np.clip(size, q.lower, q.upper)) if abs(size) > abs(least) and size > q.lower else least
+        found[name] = candidate, {**base.values, **candidate.start, **own}
+    leading = list(found)[:most]
+    alike = [n for n in list(found)[most:] if any(n[0] in look_alikes(i) for i, _ in leading[:3])]
+    jobs = [found[n] for n in (*leading, *alike)]
+    # what a cart at rest hides has no sensitivity: it is always asked for, with the friction that hides it taken over
+    hidden = {c.name: c for c in candidates if c.takes and not any(k in base.values for k in c.keys)}
+    for candidate in hidden.values():
+        usual = replace(candidate, shapes=tuple((k, null_value(k)) for k, _ in candidate.shapes))
+        jobs.append((usual, _taking_over(usual, base.values)))
+    return jobs
+
+
+def far_starts(bench: Bench, base: Fit, known: Values, candidates: Sequence[Candidate]) -> list[Start]:
+    """Return the candidates that the equation error proposes, with all parameters as it sees them."""
+    asked = [c for c in candidates if not any(k in base.values for k, _ in c.sizes)]
+    jobs: list[Start] = []
+    for resting in (False, True):
+        screen = Screen(bench.recordings, bench.settings, bench.pool, known, resting=resting)
+        seen: set[Name] = set()
+        for p in screen.propose(asked):
+            if (
+                p.candidate.name not in seen
+                and p.gain > 0.0
+                and _sound(p.start)
+                and len(seen) < bench.settings.proposals // 2
+            ):
+                seen.add(p.candidate.name)
+                jobs.append((p.candidate, {**base.values, **p.start}))
+    return jobs
+
+
+def _positive(values: Values, topology: Topology) -> dict[str, float]:
+    mass = max([v for n, v in values.items() if n[0] == "m" and 0.0 < v < 1e6] or [1e-3])
+    small = {"m": 0.3 * mass, "k": mass * 350.0, "b": mass, "d": 0.0}
+    names = [n for n in topology.free if n not in topology.fixed]
+    return {n: v if (v := values.get(n, 0.0)) > 0.0 else small.get(n[0], parameter(n).null) for n in names}
+
+
+def _taking_over(candidate: Candidate, values: Values) -> dict[str, float]:
+    """Return a start in which a candidate has taken over the base parameter that would hide it."""
+    start = {**values, **candidate.start}
+    for key, taken in candidate.takes:
+        level = values.get(taken, 0.0)
+        start |= {key: max(level, candidate.start[key]), taken: 0.1 * level}
+    return start
+
+
+def _sound(values: Mapping[str, float]) -> bool:
+    return all(np.isfinite(v) for v in values.values())
