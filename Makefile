@@ -7,11 +7,14 @@ RECORDINGS ?=
 OUT ?= demo
 RUNS ?= 10000
 
-.PHONY: demo lab test bench fuzz lint clean
+# on 3.12 and later the pinned PyTorch brings gigabytes of CUDA; only training needs it (docs/install.md)
+EXTRAS ?= $(shell $(PYTHON) -c "import sys; print('all' if sys.version_info < (3, 12) else 'no-torch,dev,docs,notebooks')")
+
+.PHONY: demo lab test docs notebooks package bench fuzz lint clean
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[all]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[$(EXTRAS)]'
 	touch $(READY)
 
 # the whole story on the bundled sample; RECORDINGS=folder makes the report from other recordings
@@ -29,6 +32,18 @@ lab: $(READY)
 test: $(READY)
 	$(BIN)/python -m pytest -m 'not slow and not docs' -n auto --dist loadfile
 
+# the documentation as one site: site/index.html, which opens without a server
+docs: $(READY)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
+
+# the tutorials, each as a script
+notebooks: $(READY)
+	$(BIN)/python -m pytest -m slow tests/docs/test_notebooks.py
+
+# wheel and sdist, tried in a clean environment of every Python from 3.11 to 3.13 found here
+package: $(READY)
+	$(BIN)/python .ci/package.py
+
 # damaged recordings and rig descriptions, seeded; RUNS=100000 for more
 fuzz: $(READY)
 	$(BIN)/python -m tests.identification.recordings.fuzz --runs $(RUNS)
@@ -43,4 +58,4 @@ lint: $(READY)
 	$(BIN)/lint-imports
 
 clean:
-	rm -rf $(VENV) $(OUT)
+	rm -rf $(VENV) $(OUT) site

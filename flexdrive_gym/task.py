@@ -66,12 +66,16 @@ class Task:
     reference
         Name in :data:`~flexdrive_gym.references.REFERENCES`, ``"name:keyword=value:…"``, (name, arguments), array at control
         periods, or function of time [mm].
-    control_period, physics_step
-        [s]; the period is a whole number of steps.
+    control_period
+        Time for which an action is held [s]; a whole number of physics steps.
+    physics_step
+        Longest step of the simulation [s].
     duration
         Time limit of an episode [s].
-    travel_limit, stroke_limit
-        Largest |x| of a cart and |x1 - x2| of the spring [mm]; beyond either the episode terminates.
+    travel_limit
+        Largest distance of a cart from x = 0 [mm]; beyond it the episode terminates.
+    stroke_limit
+        Largest deflection x1 - x2 of the spring either way [mm]; beyond it the episode terminates.
     voltage_limit
         Command at action 1 [V]; ``None``: the drive's own limit, or 8 V.
     preview
@@ -83,9 +87,14 @@ class Task:
         ``None``; ``"identified"`` for the drive's identified covariance; or parameter names with (low, high).
     effects
         Parameters to change in the drive, for example ``{"input_delay.tau": 0.002}``.
-    quantum, noise, velocity_cutoff, sensor_delay
-        Encoder count [mm] (``None``: the drive's), rms of additional position noise [mm], cut-off of the velocity filter
-        [Hz] (``None``: the drive's, or 30 Hz; 0: raw difference), age of what the controller sees [s], whole periods.
+    quantum
+        Encoder count [mm]; ``None``: the drive's.
+    noise
+        Rms of additional position noise [mm].
+    velocity_cutoff
+        Cut-off of the velocity filter [Hz]; ``None``: the drive's, or 30 Hz; 0: raw difference.
+    sensor_delay
+        Age of what the controller sees [s]; whole control periods.
     normalise
         Scale every entry of the observation to -1 … 1 by its bound.
     """

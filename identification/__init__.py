@@ -1,5 +1,6 @@
 """Identification of the drive from recordings: read, identify, validate, diagnose."""
 
+from identification.diagnosis_file import load_diagnosis
 from identification.likelihood import MaximumLikelihood, identify_by_likelihood
 from identification.methods import Identification, identify
 from identification.mismatch.diagnose import diagnose
@@ -19,6 +20,7 @@ __all__ = [
     "diagnose",
     "identify",
     "identify_by_likelihood",
+    "load_diagnosis",
     "read_recordings",
     "validate",
     "write_recording",

@@ -19,6 +19,7 @@ from baselines.cli import (
     experiment,
     identify,
     lab,
+    migrate,
     report,
     stability,
     train,
@@ -39,26 +40,40 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for _module in (
-    demo, check, identify, validate, stability, experiment, diagnose, design, train, compare, report, lab, blind, benchmark
+    demo, check, identify, validate, stability, experiment, diagnose, design, train, compare, report, lab, migrate,
+    blind, benchmark,
 ):  # fmt: skip
     app.command(cls=Command)(getattr(_module, _module.__name__.rsplit(".", 1)[-1]))
 
 
 def _version(value: bool) -> None:
     if value:
-        from flexdrive_gym.version import __version__  # noqa: PLC0415
+        from flexdrive_gym.version import __version__, commit  # noqa: PLC0415
 
-        print(__version__)
+        print(f"flexdrive {__version__} (commit {commit() or 'unknown'})")
         raise typer.Exit
 
 
 @app.callback()
 def _root(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print version and commit.")
     ] = False,
 ) -> None:
     pass
+
+
+# what brings a module that is not installed
+_EXTRAS = {
+    "torch": "rl",
+    "stable_baselines3": "rl",
+    "matplotlib": "report",
+    "jinja2": "report",
+    "nicegui": "lab",
+    "distributed": "dask",
+    "pygame": "render",
+    "moviepy": "render",
+}
 
 
 def main() -> None:
@@ -68,6 +83,12 @@ def main() -> None:
     except (ValueError, TypeError, KeyError, OSError) as error:
         text = error.args[0] if isinstance(error, KeyError) and error.args else error
         print(f"flexdrive: {text}", file=sys.stderr)
+        raise SystemExit(1) from error
+    except ModuleNotFoundError as error:
+        extra = _EXTRAS.get((error.name or "").partition(".")[0])
+        if extra is None:
+            raise
+        print(f"flexdrive: needs {error.name}. Install it with: pip install 'flexdrive[{extra}]'", file=sys.stderr)
         raise SystemExit(1) from error
     except ArithmeticError as error:
         print(

@@ -17,9 +17,10 @@ from flexdrive_gym.drive.drive import Covariance, Drive, Provenance, Recorded
 from flexdrive_gym.drive.effects import LAYOUT
 from flexdrive_gym.files import write_atomically
 from flexdrive_gym.recording import FloatArray
+from flexdrive_gym.schema import Schema
 from flexdrive_gym.units import LAB, Units
 
-SCHEMA = 1
+SCHEMA = Schema(1, "Write one with 'flexdrive identify'.")
 _UNITS = ("length", "command", "per_length", "per_command", "per_time")
 # what says how far recordings reach, and the lab's units of it
 _REACH = {f.name: f.metadata["unit"] for f in fields(Recorded)}
@@ -55,7 +56,7 @@ def dumps(drive: Drive) -> str:
     document.add(
         tomlkit.comment("A flexible drive. Units follow the Lab 3 handout: force is measured in volts of command.")
     )
-    document["schema"] = SCHEMA
+    document["schema"] = SCHEMA.number
     document["name"] = drive.name
     document["carts"] = drive.carts
     if not drive.units.lab:
@@ -176,11 +177,9 @@ def loads(text: str, where: str = "drive.toml") -> Drive:
         document = tomlkit.parse(text).unwrap()
     except TOMLKitError as error:
         raise ValueError(f"{where}: must be TOML; got {error}.") from error
-    if document.get("schema") != SCHEMA or "parameters" not in document:
-        raise ValueError(
-            f"{where}: must have 'schema = {SCHEMA}' and a table [parameters]; got schema "
-            f"{document.get('schema')!r}. Write one with 'flexdrive identify'."
-        )
+    document = SCHEMA.current(document, where)
+    if "parameters" not in document:
+        raise ValueError(f"{where}: must have a table [parameters]; got none. {SCHEMA.remedy}")
     values: dict[str, float] = {}
     intervals: dict[str, tuple[float, float]] = {}
     units = _units(where, document.get("units"))

@@ -148,18 +148,17 @@ class Bench:
     def displaced(self, values: Values, deflection: float) -> FloatArray:
         """Return how the rows change per millimetre of spring deflection at the start of every recording, shape (N,)."""
         start = np.array([0.0, 0.0, -deflection, 0.0])
-        moved = [
-            Together([replace(run, start=run.start + start) for run in batch.runs]).residual(
-                values, np.zeros(len(batch.runs))
-            )
-            for _, batch in self._batches
-        ]
-        change = (np.concatenate(moved) - self.residual(values)) / deflection
+        change = []
+        for _, batch in self._batches:
+            moved = Together([replace(run, start=run.start + start) for run in batch.runs])
+            none = np.zeros(len(batch.runs))
+            change.append(moved.residual(values, none) - batch.residual(values, none))
+        found = np.concatenate(change) / deflection
         for piece in self.pieces:
             if piece.cart == 1 and self.runs[piece.recording].positions:
                 # an encoder starts where it is
-                change[piece.rows] -= 1.0 * self.valid[piece.rows]
-        return np.asarray(change)
+                found[piece.rows] -= 1.0 * self.valid[piece.rows]
+        return found
 
     @cached_property
     def signal(self) -> FloatArray:
@@ -184,8 +183,16 @@ class Bench:
                 width = max(3, round(_REST_S / run.sample_time))
                 way = maximum_filter1d(x, width) - minimum_filter1d(x, width)
                 still = way <= max(1.5 * count, _STILL * float(np.ptp(x)))
-                mode += (1 << c) * still[:: run.block].astype(np.int64)
+                mode += (1 << c) * (still[:: run.block] & (not run.positions)).astype(np.int64)
             found.append(mode)
+        return found
+
+    @cached_property
+    def moves(self) -> BoolArray:
+        """Return the rows in which their cart moves, shape (N,): a cart at rest tells nothing of the forces on it."""
+        found = self.valid.copy()
+        for p in self.pieces:
+            found[p.rows] &= ((self.resting[p.recording] >> p.cart) & 1 == 0) & (not self.runs[p.recording].positions)
         return found
 
     @cached_property

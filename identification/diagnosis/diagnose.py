@@ -20,6 +20,7 @@ from flexdrive_gym.recording import Recording
 from identification.diagnosis.bench import Bench, Values, free
 from identification.diagnosis.candidates.catalogue import Candidate
 from identification.diagnosis.candidates.free import Shape
+from identification.diagnosis.candidates.narrow_band import Line
 from identification.diagnosis.candidates.phases import Phase
 from identification.diagnosis.fit import intervals
 from identification.diagnosis.homogeneity import homogeneity
@@ -199,11 +200,11 @@ def _estimates(scored: Scored, model: Values, limits: Mapping[str, tuple[float, 
 def _unnamed(selection: Selection) -> Unnamed | None:
     last = selection.rounds[-1]
     shape = last.best.candidate
-    if not last.accepted or not isinstance(shape, Shape):
+    if not last.accepted or not isinstance(shape, Shape | Line):
         return None
-    near = [s for s in last.scored[1:] if not isinstance(s.candidate, Shape) and s.total > 0.0][:3]
+    near = [s for s in last.scored[1:] if not isinstance(s.candidate, Shape | Line) and s.total > 0.0][:3]
     nearest = tuple((s.name[0], float(s.total / last.best.total)) for s in near)
-    return Unnamed(shape.where, _share(last.best, last), f"as a function of the {shape.variable}", nearest)
+    return Unnamed(shape.where, _share(last.best, last), shape.variable if isinstance(shape, Line) else f"a function of the {shape.variable}", nearest)
 
 
 def _experiment(scored: Scored) -> str | None:

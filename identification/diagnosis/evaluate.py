@@ -8,12 +8,34 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexdrive_gym.recording import FloatArray
+from identification.diagnosis.candidates.catalogue import Candidate
+from identification.diagnosis.candidates.free import Shape
+from identification.diagnosis.candidates.narrow_band import Line, lines
+from identification.diagnosis.candidates.phases import Phase
 from identification.diagnosis.linear import Entry, Linear
-from identification.diagnosis.score import trimmed
+from identification.diagnosis.score import leave_one_out_variance, trimmed
 
 Name = tuple[str, str]
-# variances of random amplitudes that are tried, relative to what the noise leaves of one recording's amplitude
-_VARIANCES = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Best:
+    """The best of a name's entries in the first data set.
+
+    Attributes
+    ----------
+    candidate, columns
+        What it is, and its columns of the sensitivities.
+    gain : ndarray, shape (U,)
+        Per unit.
+    variance
+        Of random amplitudes; ``None`` where all recordings share one.
+    """
+
+    candidate: Candidate | Shape | Phase | Line
+    columns: tuple[int, ...]
+    gain: FloatArray
+    variance: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,16 +46,26 @@ class Table:
     ----------
     total, rest
         Name to gains over all units, and over all but the one that gains most, ndarray, shape (data sets,): of its best entry.
-    entry
-        Name to the best entry's number and its gain per unit, in the first data set.
-    variance
-        Number of an entry to the variance of its random amplitudes, in the first data set.
+    best
+        Name to its best entry in the first data set.
     """
 
     total: dict[Name, FloatArray]
     rest: dict[Name, FloatArray]
-    entry: dict[Name, tuple[int, FloatArray]]
-    variance: dict[int, float]
+    best: dict[Name, Best]
+
+    def take(self, entry: Best, gain: FloatArray) -> None:
+        """Keep the better one of a name's entries in every data set; ``gain`` has the shape (U, data sets)."""
+        name = entry.candidate.name
+        total, rest = gain.sum(axis=0), trimmed(gain.T)
+        if name not in self.total:
+            self.total[name], self.rest[name], self.best[name] = total, rest, entry
+            return
+        better = total > self.total[name]
+        if better[0]:
+            self.best[name] = entry
+        self.total[name] = np.where(better, total, self.total[name])
+        self.rest[name] = np.where(better, rest, self.rest[name])
 
 
 def evaluate(linear: Linear, residual: FloatArray) -> Table:
@@ -47,31 +79,19 @@ def evaluate(linear: Linear, residual: FloatArray) -> Table:
     damping = linear.bench.settings.damping
     g, square = linear.gradient(residual), linear.square(residual)
     base, steps = _left_out(linear, linear.base, g, square, damping)
-    table = Table({}, {}, {}, {})
-    random = [i for i, e in enumerate(linear.entries) if e.random]
-    for i, entry in enumerate(linear.entries):
+    table = Table({}, {}, {})
+    for entry in linear.entries:
         if not entry.random:
             left, _ = _left_out(linear, [*linear.base, *entry.columns], g, square, damping)
-            _take(table, i, entry.candidate.name, 0.5 * (base - left))
-    for i, (gain, variance) in zip(
-        random, _random(linear, residual, steps, [linear.entries[i] for i in random]), strict=True
-    ):
-        table.variance[i] = variance
-        _take(table, i, linear.entries[i].candidate.name, gain)
+            gain = 0.5 * (base - left)
+            table.take(Best(entry.candidate, entry.columns, gain[:, 0]), gain)
+    rest = _others(linear, residual, steps)
+    random = [e for e in linear.entries if e.random]
+    for entry, (gain, variance) in zip(random, _random(linear, rest, random), strict=True):
+        table.take(Best(entry.candidate, entry.columns, gain[:, 0], variance), gain)
+    for line, gain in lines(linear.bench, rest):
+        table.take(Best(line, (), gain[:, 0]), gain)
     return table
-
-
-def _take(table: Table, i: int, name: Name, gain: FloatArray) -> None:
-    """Keep the better one of a name's entries in every data set; ``gain`` has the shape (U, data sets)."""
-    total, rest = gain.sum(axis=0), trimmed(gain.T)
-    if name in table.total:
-        better = total > table.total[name]
-        if better[0]:
-            table.entry[name] = i, gain[:, 0]
-        table.total[name] = np.where(better, total, table.total[name])
-        table.rest[name] = np.where(better, rest, table.rest[name])
-    else:
-        table.total[name], table.rest[name], table.entry[name] = total, rest, (i, gain[:, 0])
 
 
 def _left_out(
@@ -89,42 +109,31 @@ def _left_out(
     return square + 2.0 * np.sum(steps * own, axis=1) + np.sum(steps * (H @ steps), axis=1), steps
 
 
-def _random(
-    linear: Linear, residual: FloatArray, steps: FloatArray, entries: Sequence[Entry]
-) -> list[tuple[FloatArray, float]]:
-    """Return the gains of effects whose amplitudes differ from run to run, and the variance of these."""
+def _others(linear: Linear, residual: FloatArray, steps: FloatArray) -> FloatArray:
+    """Return the whitened rows that the base model fitted to the other units leaves, shape (N, data sets)."""
+    rest = residual.copy()
+    base = list(linear.base)
+    for rows, u in zip(linear.bench.rows, linear.bench.units, strict=True):
+        rest[rows] += linear.white[rows][:, base] @ steps[u]
+    return rest
+
+
+def _random(linear: Linear, rest: FloatArray, entries: Sequence[Entry]) -> list[tuple[FloatArray, float]]:
+    """Return the gains of effects whose amplitudes differ from run to run, and the variances of these."""
     if not entries:
         return []
-    bench = linear.bench
-    use = [c for e in entries for c in e.columns]
-    base = list(linear.base)
-    U, sets = len(linear.products), residual.shape[1]
-    H, g = [], []
-    for rows, u in zip(bench.rows, bench.units, strict=True):
-        S = linear.white[rows][:, use]
-        own = S.T @ residual[rows] + (S.T @ linear.white[rows][:, base]) @ steps[u]
-        pairs = S.reshape(len(S), len(entries), 2)
-        H.append(np.einsum("npi,npj->pij", pairs, pairs))
-        g.append(own.reshape(len(entries), 2, sets))
-    H_, g_ = np.array(H), np.array(g)  # (R, P, 2, 2) and (R, P, 2, sets)
-    typical = np.maximum(0.5 * np.einsum("rpii->rp", H_).mean(axis=0), 1e-300)
-    found = []
-    gain = np.zeros((len(_VARIANCES), len(entries), U, sets))
-    for v, relative in enumerate(_VARIANCES):
-        precision = typical / relative
-        M = H_ + precision[None, :, None, None] * np.eye(2)
-        determinant = M[..., 0, 0] * M[..., 1, 1] - M[..., 0, 1] ** 2
-        a, b = g_[:, :, 0], g_[:, :, 1]
-        form = (M[..., 1, 1, None] * a**2 - 2.0 * M[..., 0, 1, None] * a * b + M[..., 0, 0, None] * b**2) / determinant[
-            ..., None
-        ]
-        each = 0.5 * form - 0.5 * np.log(determinant / precision**2)[..., None]
-        for r, u in enumerate(bench.units):
-            gain[v, :, u] += each[r]
-    for p in range(len(entries)):
-        own = gain[:, p]
-        best = np.argmax(own.sum(axis=1, keepdims=True) - own, axis=0)
-        chosen = np.take_along_axis(own, best[None], axis=0)[0]
-        most = int(np.argmax(own[:, :, 0].sum(axis=1)))
-        found.append((chosen, float(_VARIANCES[most] / typical[p])))
-    return found
+    bench, use = linear.bench, [c for e in entries for c in e.columns]
+    information, form = [], []
+    for rows in bench.rows:
+        S = linear.white[rows][:, use].reshape(-1, len(entries), 2)
+        H = np.einsum("npi,npj->pij", S, S)
+        g = np.tensordot(S, rest[rows], axes=(0, 0))
+        # turned until sine and cosine do not correlate, and scaled to one information
+        square, turn = np.linalg.eigh(H)
+        own = np.sqrt(np.maximum(square.prod(axis=1), 0.0))
+        ratio = np.sqrt(own[:, None] / np.maximum(square, 1e-12 * square.max() + 1e-300))
+        turned = np.einsum("pij,pis->pjs", turn, g) * ratio[..., None]
+        information.append(own)
+        form.append(np.sum(turned**2, axis=1))
+    gain, variance = leave_one_out_variance(np.array(form), np.array(information), bench.units)
+    return [(gain[:, p], float(variance[p])) for p in range(len(entries))]

@@ -18,8 +18,8 @@ IntArray = npt.NDArray[np.int64]
 _ALIKE = 0.07
 # samples at which commands are compared
 _SAMPLES = 400
-# fewer units than this cannot be left out one by one: then every recording is one
-FEWEST = 4
+# fewer experiments than this each tell something that no other does, and none can be predicted from the rest: every recording is a unit then
+FEWEST = 8
 
 
 def experiments(recordings: Sequence[Recording]) -> IntArray:

@@ -26,16 +26,11 @@ from identification.replay.output_error import PHYSICS_S
 _STEP = 2e-3
 # a rate times the step beyond which an effect is as good as instantaneous
 _FASTEST = 30.0
-
-
 class Metric(Protocol):
     """What turns rows into white ones."""
 
     def white(self, x: FloatArray) -> FloatArray:
         """Return whitened rows of raw ones, shape (N,) or (N, k)."""
-
-    def residual(self, raw: FloatArray) -> FloatArray:
-        """Return the whitened residual, shape (N,)."""
 
 
 _MASSES = frozenset({"m1", "m2", "k"})
@@ -77,8 +72,8 @@ class Fit:
     @cached_property
     def normal(self) -> Normal:
         """Return the normal equations per unit, of the parameters that do not rest at a bound."""
-        columns = self.metric.white(self.jacobian[:, self.interior])
-        return Normal.of(self.bench.products(np.column_stack([columns, self.metric.residual(self.residual)])))
+        both = np.column_stack([self.jacobian[:, self.interior], self.residual])
+        return Normal.of(self.bench.products(self.metric.white(both)))
 
 
 class Coordinates:
@@ -158,7 +153,7 @@ def fit(
     z, damping = c.of(start), 1e-3
     now = c.to(z, start)
     raw = bench.residual(now)
-    white = metric.residual(raw)
+    white = metric.white(raw)
     cost, fresh = float(white @ white), jacobian is None
     S = _jacobian(bench, c, z, now, raw) if jacobian is None else jacobian * c.rate(z)
     for _ in range(settings.iterations if iterations is None else iterations):
@@ -169,7 +164,7 @@ def fit(
             trial = c.to(new, start)
             if fastest(trial)[0] * PHYSICS_S < _FASTEST:
                 moved = bench.residual(trial)
-                moved_white = metric.residual(moved)
+                moved_white = metric.white(moved)
                 square = float(moved_white @ moved_white)
                 if square < cost:
                     dz = new - z

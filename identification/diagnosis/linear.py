@@ -57,7 +57,7 @@ class Linear:
     products : ndarray, shape (U, M, M)
         Of whitened columns, per unit.
     residual : ndarray, shape (N,)
-        Whitened, without what the noise adds on average.
+        Whitened.
     """
 
     bench: Bench
@@ -74,9 +74,7 @@ class Linear:
     ) -> Linear:
         """Whiten columns and residual."""
         white = noise.white(columns)
-        return cls(
-            bench, tuple(entries), tuple(range(base)), columns, white, bench.products(white), noise.residual(residual)
-        )
+        return cls(bench, tuple(entries), tuple(range(base)), columns, white, bench.products(white), noise.white(residual))
 
     def gradient(self, residual: FloatArray) -> FloatArray:
         """Return the products of all columns with whitened residuals per unit, shape (U, M, k), from shape (N, k)."""
@@ -106,9 +104,7 @@ class Linear:
         return Linear.of(self.bench, noise, columns, model.residual, entries, p)
 
 
-def linearise(
-    bench: Bench, noise: Noise, model: Fit, candidates: Sequence[Candidate], shapes: Sequence[Shape]
-) -> Linear:
+def linearise(bench: Bench, noise: Noise, model: Fit, candidates: Sequence[Candidate], shapes: Sequence[Shape]) -> Linear:
     """Return the sensitivities of all candidates around a model.
 
     A candidate's columns are the change at its plainly present size over that size, for non-linear effects look different when

@@ -40,8 +40,12 @@ _LEAST_LEVEL = 0.02
 _BETWEEN_RIGS = 2.0
 # evaluations of the likelihood per search
 _EVALUATIONS = 120
+# share of the unknown forces in recordings of a cart that hardly moves
+_STILL = 1e-3
+# steps of expectation maximisation
+_MAXIMISATIONS = 6
 # how far a group's standard deviation may go from its prior, as a factor: other rigs are quieter or rougher
-_LEAST, _MOST = 0.25, 2.5
+_LEAST, _MOST = 0.25, 4.0
 # rows over which a scatter is smoothed: 15 ms, the time of a slip
 _NEIGHBOURS = 3
 # singular values under which a direction is lost in the noise
@@ -100,8 +104,6 @@ class Noise:
         Directions that are damped, per recording; empty without variability.
     weights : ndarray, shape (N,), or None
         Of rows whitened by the filter: below 1 where noise acts on friction and scatters them more widely than the filter expects.
-    offset : ndarray, shape (N,), or None
-        What noise adds to whitened rows on average.
     """
 
     bench: Bench
@@ -111,14 +113,15 @@ class Noise:
     scale: Mapping[str, float] = field(default_factory=dict)
     modes: Sequence[FloatArray] = ()
     weights: FloatArray | None = None
-    offset: FloatArray | None = None
 
     @cached_property
     def _filters(self) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
         """Return transition, covariance and variances at the start for every recording."""
         found = []
         q, s = np.array(self.forces.white), np.array(self.forces.slow)
-        for run, own in zip(self.bench.runs, self.own, strict=True):
+        for run, share in zip(self.bench.runs, self.own, strict=True):
+            # what is compared by position hardly moves: friction holds it against forces that nobody knows
+            own = _STILL if run.positions else share
             A, Q = transitions(self.values, run.block * run.sample_time, own * q, own * s, self.forces.time_s)
             rho = _rounding(self.bench, run.name)
             start = np.array([rho[0], 0.0, rho[-1], 0.0, *(own * s) ** 2])
@@ -136,17 +139,11 @@ class Noise:
             y = columns[rows].reshape(*valid.shape, columns.shape[1]) * valid[..., None]
             if not run.positions:
                 y = np.cumsum(y, axis=1) * (run.block * run.sample_time)
-            white, logarithm[r] = whitened(
-                A, Q, self.bench.resting[r], start, _rounding(self.bench, run.name), y, valid
-            )
+            white, logarithm[r] = whitened(A, Q, self.bench.resting[r], start, _rounding(self.bench, run.name), y, valid)
             out[rows] = white.reshape(valid.size, columns.shape[1])
         if self.weights is not None:
             out *= self.weights[:, None]
         return (out[:, 0] if x.ndim == 1 else out), logarithm
-
-    def residual(self, raw: FloatArray) -> FloatArray:
-        """Return a whitened residual, shape (N,), without what noise adds to it on average."""
-        return self.white(raw) if self.offset is None else self.white(raw) - self.offset
 
     def white(self, x: FloatArray) -> FloatArray:
         """Return whitened rows of raw ones, shape (N,) or (N, k)."""
@@ -189,12 +186,13 @@ def estimate(bench: Bench, values: Values, residual: FloatArray, found: Sequence
             break
         D = np.column_stack([d.change * d.size for d in found])
         white, _ = noise.innovations(np.column_stack([D, residual]))
-        amplitude, variance = _amplitudes(bench, white, found, scale)
-        scale = _scales(amplitude, variance, found)
+        for _ in range(_MAXIMISATIONS):
+            amplitude, variance = _amplitudes(bench, white, found, scale)
+            scale = _scales(amplitude, variance, found)
         if turn == 0:
             rest = residual - np.concatenate([D[rows] @ a for rows, a in zip(bench.rows, amplitude, strict=True)])
         else:
-            noise = Noise(bench, dict(values), noise.forces, own, scale, _modes(bench, white[:, :-1], found, scale))
+            noise = replace(noise, scale=scale, modes=_modes(bench, white[:, :-1], found, scale))
     return noise
 
 
@@ -233,6 +231,7 @@ def _most_likely(
 
     def cost(theta: FloatArray) -> float:
         w, logarithm = Noise(bench, dict(values), Forces.of(theta, *level), own).innovations(rest)
+        w = w[bench.moves]
         return float(0.5 * (w @ w) + 0.5 * logarithm.sum() + 0.5 * np.sum((theta / _BETWEEN_RIGS) ** 2))
 
     simplex = start + np.vstack([np.zeros(5), np.eye(5)])
@@ -243,7 +242,8 @@ def _most_likely(
 def _own(bench: Bench, noise: Noise, rest: FloatArray) -> FloatArray:
     """Return the scale of every recording's forces: half its own variance, half the data set's."""
     w, _ = noise.innovations(rest)
-    count = np.array([max(int(bench.valid[rows].sum()), 1) for rows in bench.rows])
+    w = np.where(bench.moves, w, 0.0)
+    count = np.array([max(int(bench.moves[rows].sum()), 1) for rows in bench.rows])
     square = np.array([float(w[rows] @ w[rows]) for rows in bench.rows]) / count
     share = bench.settings.own_share
     return np.sqrt(np.clip(share * square + (1.0 - share), 0.1, 10.0))
@@ -271,7 +271,9 @@ def _scales(mean: FloatArray, variance: FloatArray, found: Sequence[Direction]) 
     return {g: float(np.clip(np.sqrt(s), _LEAST, _MOST)) for g, s in square.items()}
 
 
-def _modes(bench: Bench, white: FloatArray, found: Sequence[Direction], scale: Mapping[str, float]) -> list[FloatArray]:
+def _modes(
+    bench: Bench, white: FloatArray, found: Sequence[Direction], scale: Mapping[str, float]
+) -> list[FloatArray]:
     modes = []
     sizes = np.array([scale[d.group] for d in found])
     for rows in bench.rows:

@@ -24,10 +24,10 @@ from flexdrive_gym.recording import FloatArray
 from identification.diagnosis.bench import Bench, Values
 
 # relative to the Coulomb level: between runs, within a run, along the track; and forces along the track and constant ones
-LEVEL, WANDER, ROUGH, HILLS, CONSTANT = 0.06, 0.04, 0.03, 0.013, 0.03
+LEVEL, WANDER, ROUGH, HILLS, CONSTANT = 0.06, 0.04, 0.026, 0.011, 0.03
 # a spring starts anywhere within the friction of the easier cart: uniform, ±0.7 of it
 START = 0.4
-WAVES_MM = (8.0, 12.0, 18.0, 27.0, 40.0, 60.0, 90.0)
+WAVES_MM = (4.0, 6.0, 9.0, 13.5, 20.0, 30.0, 45.0, 68.0, 100.0)
 KNOT_S = 2.0
 # spread of the places where recordings begin
 PLACE_MM = 25.0
@@ -81,8 +81,8 @@ def directions(bench: Bench, values: Values) -> list[Direction]:
         for length in WAVES_MM:
             for turn in (0, 1):
                 wave = partial(_wave, bench, c, length, 0.5 * np.pi * turn)
-                made.append(("track", ROUGH, partial(_shaped, c, against, wave), (f"rough {c}", length, turn)))
-                made.append(("track", HILLS, partial(_shaped, c, ones, wave), (f"hills {c}", length, turn)))
+                made.append(("rough track", ROUGH, partial(_shaped, c, against, wave), (f"rough {c}", length, turn)))
+                made.append(("hills of the track", HILLS, partial(_shaped, c, ones, wave), (f"hills {c}", length, turn)))
     level = max((dry_level(values, c) for c in range(bench.carts)), default=0.0)
     changes = bench.pushed(values, [force for _, _, force, _ in made], max(0.05 * level, 1e-6)) if made else []
     found = [Direction(g, s, change, wave, force) for (g, s, force, wave), change in zip(made, changes, strict=True)]

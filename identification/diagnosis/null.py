@@ -2,8 +2,7 @@
 
 A draw is a simulation of the present model under everything that is nobody's missing physics: unknown forces of the estimated
 intensities, friction and a track that differ from run to run, and encoder counts. It goes through the drive's own step, so what noise
-does to dry friction (it dithers the reversals, for the mean of a non-linear drive is not the drive of the mean) is in the draws, and
-their mean is taken off the data as off every draw. Every candidate's gain is computed in every draw as it is in the data. Each name is
+does to dry friction is in the draws: it dithers the reversals, for the mean of a non-linear drive is not the drive of the mean. Every candidate's gain is computed in every draw as it is in the data. Each name is
 judged against the median and the upper spread of its own draws, for a candidate that acts near reversals gains more in data that lack
 nothing; the largest over the catalogue gives the p-value. Draws end early where so many have done better that the answer is
 certain (J. Besag, P. Clifford, Sequential Monte Carlo p-values, Biometrika 78, 1991).
@@ -12,7 +11,7 @@ certain (J. Besag, P. Clifford, Sequential Monte Carlo p-values, Biometrika 78, 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.signal import lfilter
@@ -22,12 +21,16 @@ from identification.diagnosis.bench import Bench, Values
 from identification.diagnosis.evaluate import Name, Table, evaluate
 from identification.diagnosis.linear import Linear
 from identification.diagnosis.noise import Noise, scattered
-from identification.diagnosis.nuisance import Direction, drawn
+from identification.diagnosis.nuisance import Direction, drawn, moving
 
 # quantile that tells the spread of a null distribution's upper half, and what it is of a standard normal variable
 _UPPER, _NORMAL = 0.9, 1.2816
-# draws made at a time, and of the first of them, which tell the mean that is taken off
+# least spread that a name's gains are judged by: half of what is strong evidence (R. Kass, A. Raftery, Bayes factors, 1995)
+_LEAST = 1.5
+# draws made at a time, and the first of them, which tell the weights
 _CHUNK, _FIRST = 60, 120
+# time in which an unknown force changes [s]
+_FASTEST_S = 0.01
 # so many better draws end the series
 _ENOUGH = 15
 
@@ -54,8 +57,8 @@ class Null:
         mean = {n: float(np.median(g)) for n, g in gain.items()}
         # predicting others badly has no limit, predicting them well has: the spread that matters is that of the upper half
         raw = {n: (float(np.quantile(g, _UPPER)) - mean[n]) / _NORMAL for n, g in gain.items()}
-        # half a unit of log-likelihood is what one more parameter gains by chance
-        spread = {n: max(s, 0.5) for n, s in raw.items()}
+        # a gain that is strong evidence in one name is not ten times as strong in another that hardly ever gains
+        spread = {n: max(s, _LEAST) for n, s in raw.items()}
         return cls(mean, spread, np.max([(g - mean[n]) / spread[n] for n, g in gain.items()], axis=0))
 
     def score(self, name: Name, gain: float) -> float:
@@ -71,12 +74,10 @@ class Null:
 def first_draws(
     bench: Bench, values: Values, noise: Noise, found: Sequence[Direction], seed: Sequence[int]
 ) -> tuple[Noise, FloatArray]:
-    """Return the noise with the weights and the mean that simulations of it tell, and their whitened rows, shape (N, draws)."""
+    """Return the noise with the weights that simulations of it tell, and their whitened rows, shape (N, draws)."""
     raw = simulated(bench, values, noise, found, range(_FIRST), seed)
     noise = scattered(noise, raw, found)
-    rows = noise.white(raw)
-    noise = replace(noise, offset=rows.mean(axis=1))
-    return noise, rows - noise.offset[:, None]  # type: ignore[index]
+    return noise, noise.white(raw)
 
 
 def null_of(
@@ -112,14 +113,11 @@ def null_of(
         gain = {n: np.concatenate([t.total[n] for t in gains]) for n in gains[0].total}
         rest = {n: np.concatenate([t.rest[n] for t in gains]) for n in gains[0].rest}
         nulls = Null.of(gain), Null.of(rest)
-        best = min(
-            max(null.p_value(n, float(own[n][0])) for null, own in zip(nulls, (data.total, data.rest), strict=True))
-            for n in data.total
-        )
+        best = min(max(null.p_value(n, float(own[n][0])) for null, own in zip(nulls, (data.total, data.rest), strict=True)) for n in data.total)
         if made >= bench.settings.draws or best * (made + 1) > _ENOUGH:
             return nulls
         rows = noise.white(simulated(bench, values, noise, found, range(made, made + _CHUNK), seed))
-        gains.append(evaluate(linear, rows - noise.offset[:, None]))
+        gains.append(evaluate(linear, rows))
         made += _CHUNK
 
 
@@ -130,11 +128,14 @@ def simulated(
     here = bench.residual(values, [np.zeros((2, len(run.u))) for run in bench.runs])
     forces = [d for d in found if d.force is not None]
     shapes = [
-        np.array([d.force(r) for d in forces], dtype=np.float32)
-        for r in range(len(bench.runs))
-        if forces  # type: ignore[misc]
+        np.array([d.force(r) for d in forces], dtype=np.float32) for r in range(len(bench.runs)) if forces  # type: ignore[misc]
     ]
     moved = [d for d in found if d.force is None]
+    # what disturbs a cart is friction for the most part: at rest it holds, as the recordings show
+    moves = [
+        np.array([moving(x, run.sample_time, positions=True) != 0.0 for x in run.track], dtype=np.float64)
+        for run in bench.runs
+    ]
 
     def one(draw: int) -> FloatArray:
         rng = np.random.default_rng([*seed, draw])
@@ -142,7 +143,7 @@ def simulated(
         index = [i for i, d in enumerate(found) if d.force is not None]
         pushes = []
         for r, run in enumerate(bench.runs):
-            push = _forces(noise, r, len(run.u), run.sample_time, rng)
+            push = _forces(noise, r, len(run.u), run.sample_time, rng) * moves[r]
             if forces:
                 push += np.tensordot(amplitude[r, index].astype(np.float32), shapes[r], axes=1)
             pushes.append(push)
@@ -160,8 +161,11 @@ def _forces(noise: Noise, r: int, n: int, h: float, rng: np.random.Generator) ->
     """Return unknown forces on both carts, shape (2, n) [V]."""
     own, found = float(noise.own[r]), np.empty((2, n))
     keep = float(np.exp(-h / noise.forces.time_s))
+    # blocks of rows tell nothing of what is faster than this
+    knots = np.arange(0.0, (n + 1) * h + _FASTEST_S, _FASTEST_S)
+    at = h * np.arange(n)
     for c in range(2):
-        white = rng.standard_normal(n) * noise.forces.white[c] / np.sqrt(h)
+        white = np.interp(at, knots, rng.standard_normal(len(knots)) * noise.forces.white[c] / np.sqrt(_FASTEST_S))
         drive = rng.standard_normal(n) * noise.forces.slow[c] * np.sqrt(1.0 - keep**2)
         drive[0] = rng.standard_normal() * noise.forces.slow[c]
         found[c] = own * (white + lfilter([1.0], [1.0, -keep], drive))

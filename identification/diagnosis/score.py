@@ -18,6 +18,10 @@ import numpy as np
 from scipy.optimize import nnls
 
 from flexdrive_gym.recording import FloatArray
+from identification.diagnosis.experiments import IntArray
+
+# variances of random amplitudes that are tried, relative to what the noise leaves of one recording's amplitude
+VARIANCES = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +86,37 @@ def studentised(gain: FloatArray) -> FloatArray:
 def trimmed(gain: FloatArray) -> FloatArray:
     """Return the sum of gains along the last axis without the largest: what one experiment alone shows is no property of a rig."""
     return np.asarray(gain.sum(axis=-1) - gain.max(axis=-1)) if gain.shape[-1] > 1 else gain.sum(axis=-1)
+
+
+def leave_one_out_variance(
+    form: FloatArray, information: FloatArray, units: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return gains of pairs of random amplitudes, of a variance that is estimated from the other units.
+
+    Parameters
+    ----------
+    form : ndarray, shape (R, P, data sets)
+        Squares of the pairs' gradients.
+    information : ndarray, shape (R, P)
+        Of each of a pair, which do not correlate.
+    units : ndarray of int, shape (R,)
+
+    Returns
+    -------
+    gain : ndarray, shape (U, P, data sets)
+    variance : ndarray, shape (P,)
+        Most likely one in the first data set.
+    """
+    typical = np.maximum(np.mean(information, axis=0), 1e-300)
+    gain = np.zeros((len(VARIANCES), int(units.max()) + 1, *form.shape[1:]))
+    for v, relative in enumerate(VARIANCES):
+        variance = relative / typical
+        each = 0.5 * form / (information + 1.0 / variance)[..., None] - np.log1p(variance * information)[..., None]
+        for r, u in enumerate(units):
+            gain[v, u] += each[r]
+    best = np.argmax(gain.sum(axis=1, keepdims=True) - gain, axis=0)
+    most = np.argmax(gain[..., 0].sum(axis=1), axis=0)
+    return np.take_along_axis(gain, best[None], axis=0)[0], np.asarray(VARIANCES)[most] / typical
 
 
 def _solve(H: FloatArray, g: FloatArray, damping: float) -> FloatArray:

@@ -11,6 +11,7 @@ from flexdrive_gym.recording import FloatArray
 from identification.diagnosis.bench import Bench, Values
 from identification.diagnosis.candidates.catalogue import Candidate, catalogue
 from identification.diagnosis.candidates.free import Shape, shapes
+from identification.diagnosis.candidates.narrow_band import Line
 from identification.diagnosis.candidates.phases import Phase
 from identification.diagnosis.evaluate import Name, Table, evaluate
 from identification.diagnosis.fit import Fit, fit
@@ -18,7 +19,7 @@ from identification.diagnosis.linear import Linear, linearise
 from identification.diagnosis.noise import Noise, estimate, first_noise
 from identification.diagnosis.nuisance import Direction, directions, dry_level
 from identification.diagnosis.null import Null, first_draws, null_of
-from identification.diagnosis.score import gains, studentised, trimmed
+from identification.diagnosis.score import Normal, gains, studentised, trimmed
 from identification.diagnosis.start import base_starts, candidate_starts, far_starts
 from identification.topology import Topology
 
@@ -53,7 +54,7 @@ class Scored:
         What every recording has its own amplitudes of, where the candidate has a phase.
     """
 
-    candidate: Candidate | Shape | Phase
+    candidate: Candidate | Shape | Phase | Line
     fit: Fit | None
     gain: FloatArray
     size: int
@@ -138,7 +139,7 @@ def ranked(scored: Sequence[Scored], significant: Sequence[Scored]) -> list[Scor
     leader = next(s for s in order if s.name in names)
     top = next(s for s in order if s is leader or tied(leader, s))
     alike = [s for s in order if s is top or tied(top, s)]
-    first = min(alike, key=lambda s: (isinstance(s.candidate, Shape), s.size, -s.total))
+    first = min(alike, key=lambda s: (isinstance(s.candidate, Shape | Line), s.size, -s.total))
     return [first, *(s for s in order if s is not first)]
 
 
@@ -205,7 +206,7 @@ class Selector:
             step = self._round(base, phases, taken, len(rounds))
             rounds.append(step)
             base = step.base
-            if not step.accepted or isinstance(step.best.candidate, Shape):
+            if not step.accepted or isinstance(step.best.candidate, Shape | Line):
                 break
             taken.append((step.best, step))
             phases = (*phases, *step.best.variability)
@@ -242,17 +243,24 @@ class Selector:
             base = fit(bench, noise, base.values, base.names)
             linear = linear.around(base, noise)
             table = evaluate(linear, linear.residual[:, None])
-            jobs = [(c, f.values) for c, f in fits.values()] or self._jobs(base, linear, table, candidates, number)
+            jobs = [(c, f.values) for c, f in fits.values()] or self._jobs(base, linear, table, first, candidates, number)
             fits = self._fits(base, noise, jobs)
             model = min((f for _, f in fits.values()), key=lambda f: f.cost, default=base)
             if model.cost > (1.0 - self.settings.large) * base.cost:
                 break
-        better = self._better_base(base, noise, fits)
+        better, roughness = self._better_base(base, noise, fits)
         if better is not base:
             base, linear = better, linear.around(better, noise)
             table = evaluate(linear, linear.residual[:, None])
         null, null_rest = null_of(linear, base.values, noise, found, first, table, seed)
-        scored = _scored(base, linear, table, fits, null, null_rest, self.settings.damping)
+        scored = _scored(base, linear, table, fits, null, null_rest, roughness)
+        # whatever may be named is fitted before it is
+        least = 0.5 * max((s.total for s in scored if s.significance <= self.alpha), default=np.inf)
+        missing = {s.name for s in scored if s.fit is None and s.total >= least > 0.0}
+        more = candidate_starts(base, linear, table, [c for c in candidates if c.name in missing], len(missing))
+        if missing:
+            fits |= self._fits(base, noise, [job for job in more if job[0].name in missing])
+            scored = _scored(base, linear, table, fits, null, null_rest, roughness)
         significant = [s for s in scored if s.significance <= self.alpha and s.total > 0.0]
         order = ranked(self._pruned(base, noise, scored, significant), significant)
         return Round(base, tuple(order), null, null_rest, noise, bool(significant), found)
@@ -263,9 +271,13 @@ class Selector:
         return linearise(self.bench, noise, base, candidates, free)
 
     def _jobs(
-        self, base: Fit, linear: Linear, table: Table, candidates: Sequence[Candidate], number: int
+        self, base: Fit, linear: Linear, table: Table, first: FloatArray, candidates: Sequence[Candidate], number: int
     ) -> list[tuple[Candidate, dict[str, float]]]:
-        jobs = candidate_starts(base, linear, table, candidates)
+        """Return what to fit: names whose linear change may be significant, and what no linear change shows."""
+        prior = Null.of(evaluate(linear, first).total)
+        likely = {n for n, total in table.total.items() if prior.p_value(n, float(total[0])) <= self.settings.likely}
+        asked = [c for c in candidates if c.name in likely or c.takes]
+        jobs = candidate_starts(base, linear, table, asked, self.settings.proposals)
         if number == 0 and self._far(base):
             known = {k: v for k, v in base.values.items() if k not in self.topology.free}
             jobs += far_starts(self.bench, base, known, candidates)
@@ -291,17 +303,18 @@ class Selector:
     def _far(self, base: Fit) -> bool:
         """Whether the simulation is so far from the data that its own sensitivities may lead nowhere."""
         bench = self.bench
-        errors = [
-            float(np.mean(base.residual[p.rows][bench.valid[p.rows]] ** 2))
-            for p in bench.pieces
-            if bench.valid[p.rows].any()
-        ]
+        errors = [float(np.mean(base.residual[p.rows][bench.valid[p.rows]] ** 2)) for p in bench.pieces if bench.valid[p.rows].any()]
         seen = [s for p, s in zip(bench.pieces, bench.signal, strict=True) if bench.valid[p.rows].any()]
         return sum(errors) > self.settings.far * sum(seen)
 
-    def _better_base(self, base: Fit, noise: Noise, fits: Mapping[Name, tuple[Candidate, Fit]]) -> Fit:
-        """Refit the base model from the candidates' optima: a better optimum of it must not pass for a gain."""
-        leading = sorted(fits.values(), key=lambda item: item[1].cost)[:4]
+    def _better_base(
+        self, base: Fit, noise: Noise, fits: Mapping[Name, tuple[Candidate, Fit]]
+    ) -> tuple[Fit, float]:
+        """Refit the base model from the candidates' optima: a better optimum of it must not pass for a gain.
+
+        Returns the best fit, and by how much the log-likelihoods of its optima differ: dry friction makes a likelihood rough.
+        """
+        leading = sorted(fits.values(), key=lambda item: item[1].cost)[: self.settings.finished]
 
         def one(item: tuple[Candidate, Fit]) -> Fit:
             candidate, best = item
@@ -310,8 +323,10 @@ class Selector:
                 values[taken] = values.get(taken, 0.0) + best.values.get(key, 0.0)
             return fit(self.bench, noise, values, base.names)
 
-        best = min([base, *self.bench.pool.map(one, leading)], key=lambda f: f.cost)
-        return best if best.cost < base.cost - _WORTH else base
+        again = [base, *self.bench.pool.map(one, leading)]
+        costs = np.array([f.cost for f in again])
+        best = again[int(np.argmin(costs))]
+        return (best if best.cost < base.cost - _WORTH else base), float(0.5 * (np.median(costs) - costs.min()))
 
     def _pruned(self, base: Fit, noise: Noise, scored: Sequence[Scored], significant: Sequence[Scored]) -> list[Scored]:
         """Return candidates where the best one has no more sizes than it needs: one that predicts as well alone is enough."""
@@ -391,29 +406,55 @@ def _scored(
     fits: Mapping[Name, tuple[Candidate, Fit]],
     null: Null,
     null_rest: Null,
-    damping: float,
+    roughness: float,
 ) -> list[Scored]:
-    """Return every name with its gain: of its fit where there is one, else of its linear change."""
+    """Return every name with its gain: of its fit where there is one, else of its linear change.
+
+    Null draws know linear changes alone. A fit that gains more has found more, or a better place on a rough likelihood. So the ratio of
+    likelihoods, with what the base model's own optima differ by taken off, and one of the two tests to first order (score and Wald)
+    must both be significant.
+    """
     found = []
-    for name in {**table.entry, **fits}:
-        own: tuple[FloatArray, Candidate | Shape | Phase, Fit | None, int] | None = None
-        variability: tuple[Direction, ...] = ()
+    for name in {**table.best, **fits}:
+        scored: Scored | None = None
+        if name in table.best:
+            entry = table.best[name]
+            variability: tuple[Direction, ...] = ()
+            if isinstance(entry.candidate, Phase) and entry.variance is not None:
+                group, spread = "@".join(name), float(np.sqrt(entry.variance))
+                variability = tuple(Direction(group, spread, linear.columns[:, c].copy()) for c in entry.columns)
+            p = _p(null, null_rest, name, entry.gain, 0.0)
+            scored = Scored(entry.candidate, None, entry.gain, max(len(entry.columns), 2), *p, variability)
         if name in fits:
             candidate, best = fits[name]
-            own = gains(base.normal, best.normal, damping), candidate, best, len(candidate.keys)
-        if name in table.entry:
-            i, gain = table.entry[name]
-            entry = linear.entries[i]
-            # where a fit did not get as far as the linear change, or every run has its own phase
-            if own is None or (entry.random and gain.sum() > own[0].sum()):
-                own = gain, entry.candidate, None, 2 if entry.random else len(entry.columns)
-                if isinstance(entry.candidate, Phase):
-                    size = float(np.sqrt(table.variance[i]))
-                    group = f"{entry.candidate.id} at {entry.candidate.where}"
-                    variability = tuple(Direction(group, size, linear.columns[:, c].copy()) for c in entry.columns)
-        assert own is not None
-        p = null.p_value(name, float(own[0].sum()))
-        found.append(
-            Scored(own[1], own[2], own[0], own[3], p, null_rest.p_value(name, float(trimmed(own[0]))), variability)
-        )
+            gain = gains(base.normal, best.normal, linear.bench.settings.damping)
+            if scored is None or not scored.variability or gain.sum() > scored.total:
+                p = _p(null, null_rest, name, gain, roughness)
+                if not candidate.takes:
+                    # an effect that is there changes the simulation to first order, too: where it is absent, or where it is
+                    near = [_p(null, null_rest, name, _wald(candidate, best), 0.0)]
+                    near += [] if scored is None else [(scored.p, scored.p_rest)]
+                    p = max(p, min(near, key=max), key=max)
+                scored = Scored(candidate, best, gain, len(candidate.keys), *p)
+        assert scored is not None
+        found.append(scored)
     return sorted(found, key=lambda s: -s.total)
+
+
+def _wald(candidate: Candidate, best: Fit) -> FloatArray:
+    """Return the gain per unit as the linear change around the fit with a candidate tells it."""
+    sizes = {key for key, _ in candidate.sizes}
+    names = [n for n, i in zip(best.names, best.interior, strict=True) if i]
+    J, scale = best.jacobian[:, best.interior], best.scale[best.interior]
+    size = np.array([best.values[n] / s if n in sizes else 0.0 for n, s in zip(names, scale, strict=True)])
+    own = np.array([n in candidate.keys for n in names], dtype=bool)
+    white = best.metric.white(np.column_stack([J, best.residual, best.residual - J @ size]))
+    p = len(names)
+    damping = best.bench.settings.damping
+    full = Normal.of(best.bench.products(white[:, [*range(p), p]]))
+    base = Normal.of(best.bench.products(white[:, [*np.flatnonzero(~own), p + 1]]))
+    return gains(base, full, damping)
+
+
+def _p(null: Null, null_rest: Null, name: Name, gain: FloatArray, less: float) -> tuple[float, float]:
+    return null.p_value(name, float(gain.sum()) - less), null_rest.p_value(name, float(trimmed(gain)) - less)

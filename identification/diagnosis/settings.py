@@ -31,8 +31,9 @@ class Settings:
         Weight of a recording's own residual variance against that expected from its signal [1]. Variances wholly free reward a
         wrong model for fitting few quiet recordings exactly; variances wholly expected ignore a noisy one.
     proposals
-        Candidates fitted by output error per round, half of them by each screen. The true effect was among the first five on
-        every development data set that was looked at.
+        Candidates fitted per round for what their linear change gains, and half as many by each screen of the equation error.
+    likely
+        P-value of a linear change, in few draws, up to which a candidate is fitted at all: ten times the level.
     finished
         Candidates per round whose fits are carried to the end; the others are left after a few steps, for none of them came
         within half of the best one's gain on development data.
@@ -69,6 +70,7 @@ class Settings:
     model_error: float = 0.02
     own_share: float = 0.5
     proposals: int = 8
+    likely: float = 0.2
     finished: int = 6
     large: float = 0.2
     far: float = 0.05

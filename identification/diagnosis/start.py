@@ -36,16 +36,18 @@ def base_starts(bench: Bench, topology: Topology) -> list[dict[str, float]]:
     return [{**s, **topology.fixed} for s in good]
 
 
-def candidate_starts(base: Fit, linear: Linear, table: Table, candidates: Sequence[Candidate]) -> list[Start]:
+def candidate_starts(
+    base: Fit, linear: Linear, table: Table, candidates: Sequence[Candidate], most: int
+) -> list[Start]:
     """Return the leading candidates around the simulation with their sizes, their look-alikes, and what a cart at rest hides."""
-    damping, most = linear.bench.settings.damping, linear.bench.settings.proposals
+    damping, asked = linear.bench.settings.damping, {c.name for c in candidates}
     residual = linear.residual[:, None]
     g, square = linear.gradient(residual)[..., 0], linear.square(residual)[:, 0]
     found: dict[Name, Start] = {}
     for name in sorted(table.total, key=lambda n: -table.total[n][0]):
-        entry = linear.entries[table.entry[name][0]]
+        entry = table.best[name]
         candidate = entry.candidate
-        if not isinstance(candidate, Candidate):
+        if not isinstance(candidate, Candidate) or name not in asked:
             continue
         sizes = linear.normal(g, square, entry.columns).solve(damping)[len(linear.base) :]
         own = {}
@@ -74,12 +76,7 @@ def far_starts(bench: Bench, base: Fit, known: Values, candidates: Sequence[Cand
         screen = Screen(bench.recordings, bench.settings, bench.pool, known, resting=resting)
         seen: set[Name] = set()
         for p in screen.propose(asked):
-            if (
-                p.candidate.name not in seen
-                and p.gain > 0.0
-                and _sound(p.start)
-                and len(seen) < bench.settings.proposals // 2
-            ):
+            if p.candidate.name not in seen and p.gain > 0.0 and _sound(p.start) and len(seen) < bench.settings.proposals // 2:
                 seen.add(p.candidate.name)
                 jobs.append((p.candidate, {**base.values, **p.start}))
     return jobs

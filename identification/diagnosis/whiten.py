@@ -65,14 +65,14 @@ def _transition(
     F[0, 1] = F[2, 3] = 1.0
     F[1] = [-k / m1, -b1 / m1, k / m1, 0.0, 1.0 / m1, 0.0]
     F[3] = [k / m2, 0.0, -k / m2, -b2 / m2, 0.0, 1.0 / m2]
+    L[1, 1], L[3, 3] = (q[0] / m1) ** 2, (q[1] / m2) ** 2
+    L[4, 4], L[5, 5] = 2.0 * s**2 / tau
     for c in range(2):
         if rests[c]:
             # friction holds it, whatever pulls
             F[1 + 2 * c] = 0.0
             F[1 + 2 * c, 1 + 2 * c] = -1.0 / _STOPS_S
     F[4, 4] = F[5, 5] = -1.0 / tau
-    L[1, 1], L[3, 3] = (q[0] / m1) ** 2, (q[1] / m2) ** 2
-    L[4, 4], L[5, 5] = 2.0 * s**2 / tau
     # C. F. Van Loan, Computing integrals involving the matrix exponential, 1978
     both = np.block([[-F, L], [np.zeros_like(F), F.T]])
     E = expm(both * h)
@@ -85,7 +85,7 @@ def _transition(
 def innovations(
     As: Any, Qs: Any, mode: Any, P: Any, rounding: Any, y: Any, valid: Any, gain: Any, z: Any, out: Any
 ) -> float:
-    """Write whitened rows, shape (carts, blocks, columns); return the sum of the logarithms of the innovations' variances.
+    """Write whitened rows, shape (carts, blocks, columns); return the sum of the logarithms of moving carts' innovations' variances.
 
     ``P``, the covariance at the start, is used up; ``gain`` (carts, 6), ``z`` (6, columns) are room to work in.
     """
@@ -102,8 +102,8 @@ def innovations(
         for j in range(columns):
             for i in range(n):
                 moved[i] = 0.0
-                for l in range(n):
-                    moved[i] += A[i, l] * z[l, j]
+                for k in range(n):
+                    moved[i] += A[i, k] * z[k, j]
             for i in range(n):
                 z[i, j] = moved[i]
         if b > 0:
@@ -114,15 +114,15 @@ def innovations(
                         P[2 * c, 2 * c] += _UNKNOWN * rounding[c]
         if not settled:
             for i in range(n):
-                for l in range(n):
-                    step[i, l] = 0.0
+                for k in range(n):
+                    step[i, k] = 0.0
                     for m in range(n):
-                        step[i, l] += A[i, m] * P[m, l]
+                        step[i, k] += A[i, m] * P[m, k]
             for i in range(n):
-                for l in range(n):
-                    P[i, l] = Q[i, l]
+                for k in range(n):
+                    P[i, k] = Q[i, k]
                     for m in range(n):
-                        P[i, l] += step[i, m] * A[l, m]
+                        P[i, k] += step[i, m] * A[k, m]
         change = 0.0
         for c in range(carts):
             if not valid[c, b]:
@@ -139,15 +139,16 @@ def innovations(
                 for i in range(n):
                     moved[i] = P[row, i]
                 for i in range(n):
-                    for l in range(n):
-                        P[i, l] -= gain[c, i] * moved[l]
+                    for k in range(n):
+                        P[i, k] -= gain[c, i] * moved[k]
             scale = 1.0 / np.sqrt(variance[c])
             for j in range(columns):
                 e = y[c, b, j] - z[row, j]
                 out[c, b, j] = e * scale
                 for i in range(n):
                     z[i, j] += gain[c, i] * e
-            total += np.log(variance[c])
+            if not (mode[b] >> c) & 1:
+                total += np.log(variance[c])
         if change < _SETTLED and b > 0:
             settled = True
     return total

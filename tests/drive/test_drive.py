@@ -60,7 +60,9 @@ def test_toml_keeps_everything(tmp_path):
     ("text", "message"),
     [
         ("not toml =", "must be TOML"),
-        ("schema = 9\n[parameters]\n", "schema = 1"),
+        ("[parameters]\n", "must have 'schema' from 1 to 1; got None"),
+        ("schema = 9\n[parameters]\n", "has schema 9, and this flexdrive reads up to 1. Update flexdrive"),
+        ("schema = 1\n", r"must have a table \[parameters\]"),
         ('schema = 1\n[parameters]\nm1 = {value = 1.0, unit = "kg"}', "must be given in V s²/mm; got 'kg'"),
         ('schema = 1\n[parameters]\nm1 = {value = 1.0, unit = "kg m²"}', r"J \[kg m²\] / \(torque per volt \[N m/V\]"),
         (

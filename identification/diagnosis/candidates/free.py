@@ -10,12 +10,15 @@ import numpy as np
 
 from flexdrive_gym.recording import FloatArray
 from identification.diagnosis.bench import Bench, Values, free
+from identification.diagnosis.nuisance import moving
 from identification.replay.output_error import simulate_run
 
 # knots of a free function: a bend in each half and one in the middle
 KNOTS = 7
 # share of samples beyond the outer knots: a spline says nothing where nobody was
 _TAIL = 1.0
+# friction that remembers a reversal has forgotten it after this [s]
+_LATE_S = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,45 +57,69 @@ class Shape:
 
 
 def shapes(bench: Bench, values: Values, size: float) -> list[Shape]:
-    """Return the free functions that the recordings can tell: of velocity, command and time on each cart, of the deflection.
+    """Return the free functions that the recordings can tell.
 
-    Their variables are those of the simulation. A force that followed the measured motion would drag the simulation along with
-    it, as an observer does, and explain whatever was measured.
+    Forces on each cart as functions of command, time, place and its velocity; friction of each cart as functions of the command's size
+    and of the time since the cart reversed; the spring's force as a function of its deflection. Their variables are those of the
+    simulation. A force that followed the measured motion would drag the simulation along with it, as an observer does, and explain
+    whatever was measured.
     """
     found = []
-    signals = _signals(bench, values)
-    for variable, rows in signals.items():
-        both = np.concatenate(rows)
+    for signal in _signals(bench, values):
+        both = np.concatenate(signal.rows)
         low, high = np.percentile(both, [_TAIL, 100.0 - _TAIL])
         if not high > low:
             continue
         at = np.linspace(low, high, KNOTS)
-        places = ["spring"] if variable == "deflection" else [f"cart_{c + 1}" for c in range(bench.carts)]
-        for where in places:
-            if not variable.startswith("velocity") or variable.endswith(where[-1]):
-                forces = tuple(partial(_hat, rows, at, k, where) for k in range(KNOTS))
-                found.append(Shape(where, variable, at, forces, size))
+        for where in signal.places:
+            forces = tuple(partial(_hat, signal, at, k, where) for k in range(KNOTS))
+            found.append(Shape(where, signal.variable, at, forces, size))
     return found
 
 
-def _signals(bench: Bench, values: Values) -> dict[str, list[FloatArray]]:
-    found: dict[str, list[FloatArray]] = {"command": [run.u for run in bench.runs]}
-    found["time"] = [run.sample_time * np.arange(len(run.u), dtype=np.float64) for run in bench.runs]
+@dataclass(frozen=True, eq=False)
+class _Signal:
+    """A variable of the simulation, where its functions act, and what they are multiplied by."""
+
+    variable: str
+    rows: list[FloatArray]
+    places: tuple[str, ...]
+    against: list[FloatArray] | None = None
+
+
+def _signals(bench: Bench, values: Values) -> list[_Signal]:
+    carts = tuple(f"cart_{c + 1}" for c in range(bench.carts))
+    times = [run.sample_time * np.arange(len(run.u), dtype=np.float64) for run in bench.runs]
+    found = [_Signal("command", [run.u for run in bench.runs], carts), _Signal("time", times, carts)]
     motion = [simulate_run(values, replace(free(run), positions=True)) for run in bench.runs]
-    for c in range(bench.carts):
-        found[f"velocity {c + 1}"] = [
-            np.asarray(np.gradient(x[c], run.sample_time), dtype=np.float64)
-            for x, run in zip(motion, bench.runs, strict=True)
+    for c, cart in enumerate(carts):
+        x = [y[c] for y in motion]
+        speed = [
+            np.asarray(np.gradient(y, run.sample_time), dtype=np.float64) for y, run in zip(x, bench.runs, strict=True)
         ]
+        found += [_Signal(f"velocity {c + 1}", speed, (cart,)), _Signal(f"place {c + 1}", x, (cart,))]
+        against = [-moving(y, run.sample_time, positions=True) for y, run in zip(x, bench.runs, strict=True)]
+        since = [np.minimum(_since_change(s), _LATE_S / run.sample_time) * run.sample_time for s, run in zip(against, bench.runs, strict=True)]
+        found.append(_Signal(f"time since cart {c + 1} reversed", since, (cart,), against))
+        found.append(_Signal(f"size of the command, as friction {c + 1}", [np.abs(run.u) for run in bench.runs], (cart,), against))
     if bench.carts == 2:
-        found["deflection"] = [x[0] - x[1] for x in motion]
+        found.append(_Signal("deflection", [x[0] - x[1] for x in motion], ("spring",)))
     return found
 
 
-def _hat(rows: list[FloatArray], at: FloatArray, k: int, where: str, r: int) -> FloatArray:
+def _since_change(direction: FloatArray) -> FloatArray:
+    """Return the samples since the direction last changed."""
+    at = np.arange(len(direction))
+    changed = np.concatenate([[True], direction[1:] != direction[:-1]])
+    return np.asarray(at - np.maximum.accumulate(np.where(changed, at, 0)), dtype=np.float64)
+
+
+def _hat(signal: _Signal, at: FloatArray, k: int, where: str, r: int) -> FloatArray:
     # beyond the outer knots the function is constant
-    x = np.clip(rows[r], at[0], at[-1])
+    x = np.clip(signal.rows[r], at[0], at[-1])
     height = np.maximum(0.0, 1.0 - np.abs(x - at[k]) / (at[1] - at[0]))
+    if signal.against is not None:
+        height = height * signal.against[r]
     force = np.zeros((2, len(x)))
     if where == "spring":
         force[0], force[1] = -height, height

@@ -1,0 +1,90 @@
+r"""A force of one frequency that the command does not make: a fan, a pump, a mains hum. It has no name, and a phase in every recording.
+
+In the whitened rows of a cart a steady oscillation is a steady oscillation, so sine and cosine of every frequency come from one
+Fourier transform. Their amplitudes are random with one variance, as in :mod:`identification.diagnosis.candidates.phases`; what the
+command makes differs from one experiment to the next and predicts no other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexdrive_gym.recording import FloatArray
+from identification.diagnosis.bench import Bench
+from identification.diagnosis.score import leave_one_out_variance
+
+# slower than this a force is friction that wanders; faster than this encoders hardly see it [Hz]
+_LOWEST, _HIGHEST = 0.7, 25.0
+# points per frequency that a recording resolves
+_FINER = 2
+# data sets whose transforms are held at a time
+_CHUNK = 40
+
+
+@dataclass(frozen=True)
+class Line:
+    """A narrow-band disturbance.
+
+    Attributes
+    ----------
+    where
+        Cart whose rows show it.
+    frequency
+        [Hz].
+    """
+
+    where: str
+    frequency: float
+
+    @property
+    def id(self) -> str:
+        """What it is called where candidates are listed."""
+        return "narrow-band disturbance"
+
+    @property
+    def variable(self) -> str:
+        """What the force follows."""
+        return f"a force of {self.frequency:.2f} Hz that the command does not make"
+
+    @property
+    def name(self) -> tuple[str, str]:
+        """What it is called by, and where it acts."""
+        return self.id, self.where
+
+
+def lines(bench: Bench, rest: FloatArray) -> list[tuple[Line, FloatArray]]:
+    """Return the best frequency of every cart with its gain per unit, shape (U, data sets).
+
+    Parameters
+    ----------
+    rest : ndarray, shape (N, data sets)
+        Whitened rows that the others' optimum leaves.
+    """
+    step = max(run.block * run.sample_time for run in bench.runs)
+    longest = max(len(run.u) * run.sample_time for run in bench.runs)
+    frequency = np.arange(_LOWEST, min(_HIGHEST, 0.4 / step), 1.0 / (_FINER * longest))
+    if len(frequency) < 2:
+        return []
+    found = []
+    for c in range(bench.carts):
+        parts = [_gains(bench, rest[:, i : i + _CHUNK], c, frequency) for i in range(0, rest.shape[1], _CHUNK)]
+        gain = np.concatenate([g for g, _ in parts], axis=1)
+        found.append((Line(f"cart_{c + 1}", float(frequency[parts[0][1]])), gain))
+    return found
+
+
+def _gains(bench: Bench, rest: FloatArray, cart: int, frequency: FloatArray) -> tuple[FloatArray, int]:
+    power, count = [], []
+    for p in bench.pieces:
+        if p.cart == cart:
+            run = bench.runs[p.recording]
+            t = run.block * run.sample_time * np.arange(p.rows.stop - p.rows.start)
+            n = len(t)
+            turn = np.exp(-2j * np.pi * np.outer(frequency, t))
+            power.append(np.abs(turn @ rest[p.rows]) ** 2)
+            count.append(0.5 * max(float(bench.valid[p.rows].sum()), 1.0) if n else 1.0)
+    gain, _ = leave_one_out_variance(np.array(power), np.array(count)[:, None], bench.units)
+    best = np.argmax(gain.sum(axis=1), axis=0)
+    return np.take_along_axis(gain, best[None, None, :], axis=1)[:, 0], int(best[0])
