@@ -102,13 +102,12 @@ def overview_table(found: Comparison, results: Sequence[Result]) -> Table:
     limit = min(found.limit, found.drive.voltage_limit)
     return Table(
         f"on “{found.drive.name}”, simulated, ±{limit:.4g} {found.drive.units.command}",
-        ("controller", "reads", "rms e [mm]", "peak [mm]", "settles", "vibration [V mm]", "GM linear", "GM with friction",
-         "settles, draws"),
+        ("controller", "rms e [mm]", "peak [mm]", "settles", "on draws", "vibration [V mm]", "GM linear", "GM with friction"),
         tuple(
-            (r.entry.name, r.entry.feedback, figure(m.rms, 3), figure(m.peak, 3), "yes" if m.success else "no",
-             figure(m.vibration, 2), figure(None if r.margins is None else r.margins.gain_margin, 3),
-             figure(None if r.on_rig is None else r.on_rig.gain_margin, 3),
-             "–" if r.draws is None else f"{r.draws.value:.0%}")
+            (r.entry.name, figure(m.rms, 3), figure(m.peak, 3), "yes" if m.success else "no",
+             "–" if r.draws is None else f"{r.draws.value:.0%}", figure(m.vibration, 2),
+             figure(None if r.margins is None else r.margins.gain_margin, 3),
+             figure(None if r.on_rig is None else r.on_rig.gain_margin, 3))
             for r in results for m in [r.nominal]
         ),
     )  # fmt: skip

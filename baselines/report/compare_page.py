@@ -65,8 +65,8 @@ def _overview(told: Comparison, chosen: Sequence[Result], units: Units) -> Secti
     rest = len(told.results) - len(chosen)
     section.text(
         ("The best of each kind, P-control as the yardstick, and the best learnt policy. " if rest else "")
-        + f"Settles: x2 stays within {told.tolerance:.4g} {units.length} in every dwell; the last column is the share of drawn "
-        "drives on which it does. Vibration: mean energy in the second half of the dwells. "
+        + f"Settles: x2 stays within {told.tolerance:.4g} {units.length} in every dwell; beside it the share of drawn drives on "
+        "which it does. Vibration: mean energy in the second half of the dwells. "
         + (f"The other {rest} controllers are in the tables below." if rest else "")
     )
     return section
