@@ -10,6 +10,7 @@ import numpy as np
 
 import flexdrive_gym  # noqa: F401  (registers the environments)
 from benchmarks.speed import interleaved
+from flexdrive_gym.fleet import OUTPUTS
 
 ID = "FlexDrive-NonCollocated-v0"
 SINGLE_STEPS, SAMPLES = 20_000, 16
@@ -78,13 +79,13 @@ def budget(n: int = 16384) -> None:
 
     def kernel(env: gymnasium.vector.VectorEnv, action: np.ndarray) -> None:
         env.fleet.actions[:] = action[:, 0]
-        env.fleet.kernel(env.fleet.addresses[0], env.fleet.z, *env.fleet.outputs)
+        env.fleet.kernel(env.fleet.outputs.addresses[0], env.fleet.z)
 
     # driven one way for 0.3 s all carts slide on without an event
     steady = np.full((n, 1), 0.6, dtype=np.float32)
     arrays, out = envs[0].fleet.arrays, envs[0].fleet.outputs
     traffic = 2 * (arrays["state"].nbytes + arrays["clock"].nbytes) + arrays["actions"].nbytes + arrays["begin"].nbytes
-    traffic += sum(array.nbytes for array in out)
+    traffic += sum(getattr(out, name).nbytes for name in OUTPUTS)
     block = np.zeros(traffic // 16)
     jobs = {
         "step": stepping(envs[0]),
@@ -132,7 +133,7 @@ def footprint() -> None:
     env = _batched(ID, 1000, randomise={"m1": (6e-4, 9e-4)})
     fleet = env.unwrapped.fleet
     used = sum(array.nbytes for name, array in fleet.arrays.items() if name != "lookup")
-    used += sum(array.nbytes for array in fleet.outputs)
+    used += sum(getattr(fleet.outputs, name).nbytes for name in OUTPUTS)
     print(f"memory: {used / 1000:.0f} bytes per drive of a randomised batch (aim 1 kB)")
 
 

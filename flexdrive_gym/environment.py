@@ -6,6 +6,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from math import nan
+from sys import getrefcount
 from typing import TYPE_CHECKING, Any, Literal, cast
 
 import gymnasium
@@ -13,12 +14,11 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
-from flexdrive_gym.drive.batch.fleet import step_single
-from flexdrive_gym.drive.compilation import compiled_before, entry
+from flexdrive_gym.drive.compilation import compiled_before
 from flexdrive_gym.drive.drive import Drive
 from flexdrive_gym.drive.linear import LinearDrive
-from flexdrive_gym.fleet import Fleet
-from flexdrive_gym.info import PLACEHOLDER, Unread
+from flexdrive_gym.fleet import MOST_SPARE, NEVER, Fleet, Outputs, counts_references
+from flexdrive_gym.info import Unread, unread
 from flexdrive_gym.task import Task, check_arguments, start_state
 
 if TYPE_CHECKING:
@@ -65,6 +65,28 @@ def frame_of(task: Task, clock: int, now: Mapping[str, float], title: str) -> Fr
     )
 
 
+class Slot:
+    """What one step of a single environment writes and returns; used again when the caller has dropped it.
+
+    Making the arrays and the dictionary anew for every step would take as long as the physics.
+    """
+
+    __slots__ = ("address", "ended", "info", "observation", "outputs", "reward", "terminated", "truncated")
+
+    def __init__(self, outputs: Outputs) -> None:
+        self.outputs, self.address, self.observation = outputs, outputs.addresses[0], outputs.observation
+        # memoryviews read single numbers in a third of the time that array indexing takes
+        views: list[Any] = [memoryview(a) for a in (outputs.reward, outputs.terminated, outputs.truncated)]  # type: ignore[arg-type]
+        self.reward, self.terminated, self.truncated = views
+        self.ended = outputs.ended[0]
+        self.unread()
+
+    def unread(self) -> Unread:
+        """Return a new ``info`` of what is written here."""
+        self.info = unread(self.outputs.record)
+        return self.info
+
+
 class FlexDriveEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
     """Track a reference with the drive's second cart (the only one of a rigid drive).
 
@@ -99,16 +121,15 @@ class FlexDriveEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         self._fleet = Fleet(self.task, 1)
         self.action_space = action_space()
         self.observation_space = observation_space(self._fleet)
-        self._address, self._z = self._fleet.addresses[0], self._fleet.z
-        self._advance = entry(step_single, 0, self._z)
-        out = self._fleet.outputs
-        # memoryviews read single numbers in a third of the time that array indexing takes
-        arrays = (self._fleet.actions, out.reward, out.terminated, out.truncated)
-        views: list[Any] = [memoryview(array) for array in arrays]  # type: ignore[arg-type]
-        self._actions, self._reward, self._terminated, self._truncated = views
-        self._ended = self._fleet.told_of_ends[0]
-        # every step writes into the same arrays and hands out copies
-        self._observed, self._recorded = out.observation[0].copy, memoryview(self._fleet.record).tobytes  # type: ignore[arg-type]
+        actions: Any = self._fleet.actions
+        self._actions: Any = memoryview(actions)
+        self._z = self._fleet.z
+        self._slots: list[Slot] = []
+        slot = self._new_slot()
+        # how often a slot's things are referred to while the caller has none of them
+        self._idle, self._idle_info = getrefcount(slot.observation), getrefcount(slot.info)
+        if not counts_references():
+            self._idle = NEVER
         self._renderer: Renderer | None = None
         self._seeded = False
         self._await("before the first step")
@@ -117,7 +138,13 @@ class FlexDriveEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         """Refuse steps until a reset, which is due at this time; ``None``: allow them."""
         self._due = when
         # in place of the kernel, so that a step that is in order asks nothing
-        self._kernel: Any = self._advance if when is None else _REFUSALS[when]
+        self._kernel: Any = self._fleet.kernel if when is None else _REFUSALS[when]
+
+    def _new_slot(self) -> Slot:
+        slot = Slot(self._fleet.new_outputs(flat=True))
+        # whoever keeps what it gets will not give it back: forget the oldest
+        self._slots = [slot, *self._slots[: MOST_SPARE - 1]]
+        return slot
 
     def __getstate__(self) -> dict[str, Any]:
         kept = {k: v for k, v in self.__dict__.items() if k not in _REBUILT}
@@ -181,6 +208,8 @@ class FlexDriveEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         if seed is not None or not self._seeded:
             self._fleet.seed([int(self.np_random.integers(2**62)) if seed is None else seed])
             self._seeded = True
+        slot = self._new_slot()
+        self._fleet.outputs = slot.outputs
         self._fleet.reset(start=start)
         self._await(None)
         if self.render_mode is not None:
@@ -190,7 +219,7 @@ class FlexDriveEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         info = self._info()
         if self.task.randomisation.names:
             info["parameters"] = {name: float(values[0]) for name, values in self._fleet.drawn().items()}
-        return self._observed(), info
+        return slot.observation, info
 
     def step(self, action: npt.NDArray[np.float32]) -> tuple[Observation, float, bool, bool, Info]:
         """Hold a command for one control period.
@@ -211,19 +240,25 @@ class FlexDriveEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             self._actions[0] = action.item()  # half the time of indexing
         except (AttributeError, ValueError, TypeError):
             self._actions[0] = _only(action)
-        self._kernel(self._address, self._z)
-        info = Unread(PLACEHOLDER)
-        info.record = self._recorded()
-        if self._ended[0]:
-            if self._ended[0] < 0:
+        for slot in self._slots:
+            if getrefcount(slot.observation) == self._idle and getrefcount(slot.info) == self._idle_info:
+                break
+        else:
+            slot = self._new_slot()
+        self._kernel(slot.address, self._z)
+        info = slot.info
+        if info.__class__ is not Unread:
+            info = slot.unread()
+        if slot.ended[0]:
+            if slot.ended[0] < 0:
                 self._fleet.refuse()
             self._await("after the end of an episode")
             if self.render_mode is not None:
                 self._record()
-            return self._observed(), self._reward[0], self._terminated[0], self._truncated[0], info
+            return slot.observation, slot.reward[0], slot.terminated[0], slot.truncated[0], info
         if self.render_mode is not None:
             self._record()
-        return self._observed(), self._reward[0], False, False, info
+        return slot.observation, slot.reward[0], False, False, info
 
     def _info(self) -> Info:
         return {key: float(values[0]) for key, values in self._fleet.state().items()}
@@ -268,7 +303,4 @@ def _refusal(when: str) -> Any:
 
 
 _REFUSALS = {when: _refusal(when) for when in ("before the first step", "after the end of an episode")}
-_REBUILT = {
-    "_fleet", "_renderer", "_advance", "_kernel", "_address", "_z", "_actions", "_reward", "_terminated", "_truncated",
-    "_ended", "_observed", "_recorded",
-}  # fmt: skip
+_REBUILT = {"_fleet", "_renderer", "_actions", "_kernel", "_z", "_slots", "_idle", "_idle_info"}

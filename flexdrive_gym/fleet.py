@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from collections import deque
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from itertools import pairwise
 from math import ceil, isfinite, sqrt
-from typing import Any, NamedTuple
+from sys import getrefcount
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -26,26 +29,67 @@ INFO = ("x1", "v1", "x2", "v2", "read_x1", "read_x2", "read_v1", "read_v2", "u",
 TERMS = ("tracking", "effort", "rate", "failure")
 # rows of the state in the order of INFO and TERMS
 KEYS = (*INFO, *(f"reward_{name}" for name in TERMS))
+OUTPUTS = ("observation", "reward", "terminated", "truncated")
+MOST_SPARE = 4
+# a count that nothing has
+NEVER = -1
 # what a fleet's future depends on, beside its task
 KEPT = ("actions", "state", "clock", "seeds", "p", "begin", "memory", "tables", "lanes", "told", "line")
 
 
-class Outputs(NamedTuple):
-    """What one step returns.
+@cache
+def counts_references() -> bool:
+    """Whether this interpreter counts every reference at once, so that what nobody refers to may be used again.
+
+    CPython does, with its global lock; without it, or in another interpreter, nothing is used again, which takes time but is
+    never wrong. ``tests/environment/test_kept.py`` holds the environments to it by every route that was thought of.
+    """
+    if sys.implementation.name != "cpython" or not getattr(sys, "_is_gil_enabled", lambda: True)():
+        return False
+    array, info = np.zeros(2), dict.fromkeys(KEYS)
+    counts = [(getrefcount(array), getrefcount(info))]
+    kept: list[Any] = []
+    for one, other in ((array, info), (array[1:], (info,)), (memoryview(array), lambda: info)):
+        kept += [one, other]
+        counts.append((getrefcount(array), getrefcount(info)))
+    return all(after > before for pair, then in pairwise(counts) for before, after in zip(pair, then, strict=True))
+
+
+class Outputs:
+    """What one step writes, and the blocks (one per share of the work) that send the kernels there.
 
     Attributes
     ----------
     observation, reward, terminated, truncated : ndarray, shapes (n, entries), (n,), (n,), (n,)
+        The observation's shape may be (entries,) for a fleet of one.
+    record : ndarray, shape (keys,)
+        Of a fleet of one: all that is known after a step, in the order of :data:`KEYS`.
     """
 
-    observation: npt.NDArray[np.float32]
-    reward: FloatArray
-    terminated: BoolArray
-    truncated: BoolArray
+    __slots__ = ("addresses", "blocks", "ended", "observation", "record", "reward", "terminated", "truncated")
 
-    def copied(self) -> Outputs:
-        """Return the same in arrays of its own."""
-        return Outputs(self.observation.copy(), self.reward.copy(), self.terminated.copy(), self.truncated.copy())
+    def __init__(self, shape: tuple[int, ...], n: int, parts: list[npt.NDArray[np.int64]]) -> None:
+        # of the shape that is handed out: a view would not be told when a view of it is made
+        self.observation = np.zeros(shape, dtype=np.float32)
+        self.reward, self.record = np.zeros(n), np.zeros(len(KEYS))
+        self.terminated, self.truncated = np.zeros(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
+        self.blocks = [block.copy() for block in parts]
+        for name in (*OUTPUTS, "record"):
+            address = getattr(self, name).ctypes.data
+            for block in self.blocks:
+                block[layout.PLACE[name]] = address
+        self.addresses = [block.ctypes.data for block in self.blocks]
+        # memoryviews read single numbers in a third of the time that array indexing takes
+        self.ended: list[Any] = [memoryview(block[layout.ENDED :]) for block in self.blocks]  # type: ignore[arg-type]
+
+    def references(self) -> int:
+        """Return how often the arrays are referred to, by whoever got them and their views included."""
+        return (
+            getrefcount(self.observation)
+            + getrefcount(self.reward)
+            + getrefcount(self.terminated)
+            + getrefcount(self.truncated)
+        )
 
 
 class Fleet:
@@ -68,13 +112,8 @@ class Fleet:
     actions : ndarray, shape (n,)
         To be set before :meth:`step`.
     outputs : Outputs
-        What the last :meth:`step` made, and :meth:`reset` wrote into. Every step makes arrays of its own.
-    record : ndarray, shape (keys,)
-        Of a fleet of one: all that is known after a step, in the order of :data:`KEYS`.
-    addresses : list of int
-        Of the blocks that send the kernels to their arrays, one per share of the work.
-    told_of_ends : list of memoryview
-        Per share of the work, how many episodes ended in the last step, as the kernels tell it.
+        Observation, reward and the flags that the last :meth:`step` or :meth:`reset` wrote. A step never writes into
+        arrays that somebody still refers to.
     ended : int
         How many episodes ended in the last step.
     """
@@ -89,30 +128,22 @@ class Fleet:
         self.bound = (np.ones(len(entries)) if task.normalise else limits).astype(np.float32)
         self.z = np.zeros((n, WORKSPACE)) if full else None
         self.arrays = self._arrays(full, 1.0 / limits if task.normalise else np.ones(len(entries)))
-        self.actions, self.clock, self.seeds, self.p, self.record, self._state, self._told = (
-            self.arrays[name] for name in ("actions", "clock", "seeds", "p", "record", "state", "told")
+        self.actions, self.clock, self.seeds, self.p, self._state, self._told = (
+            self.arrays[name] for name in ("actions", "clock", "seeds", "p", "state", "told")
         )
         sizes = self._sizes(tells=tells)
         self._everyone = np.arange(n)
         useful = max(1, min(threads, n // LEAST_PER_THREAD))
-        self._blocks, self._work = self._divide(sizes, useful * SHARES if useful > 1 else 1)
+        self._parts, self._work = self._divide(sizes, useful * SHARES if useful > 1 else 1)
         self._helpers = useful - 1
         self._pool = ThreadPoolExecutor(self._helpers) if self._helpers else None
         self.ended = 0
-        self.addresses: list[int] = [block.ctypes.data for block in self._blocks]
-        # memoryviews read single numbers in a third of the time that array indexing takes
-        views: list[Any] = [memoryview(block[layout.ENDED :]) for block in self._blocks]  # type: ignore[arg-type]
-        self.told_of_ends = views
-        self._shape = (n, len(self.bound))
-        self.outputs = self._fresh()
-        for array in self.outputs:
-            array.fill(0)
-        for block in self._blocks:
-            for name, array in self.outputs._asdict().items():
-                block[layout.PLACE[name]] = array.ctypes.data
-        for address in self.addresses:
+        self.outputs = self.new_outputs()
+        for address in self.outputs.addresses:
             kernels.prepare_fleet(address)
-        self.kernel = entry(kernels.step_fleet, 0, self.z, *self.outputs)
+        self._unreferenced = self.outputs.references() if counts_references() else NEVER
+        self._spare = [self.outputs]
+        self.kernel = entry(kernels.step_single if n == 1 else kernels.step_fleet, 0, self.z)
 
     def seed(self, seeds: npt.ArrayLike, mask: BoolArray | None = None) -> None:
         """Give every (masked) drive a random stream of its own; ``seeds`` are integers, shape (n,)."""
@@ -127,22 +158,21 @@ class Fleet:
         begin = np.array(start, dtype=np.float64)
         if begin.shape != (4,) or not np.all(np.isfinite(begin)):
             raise ValueError(f"state: must be four finite numbers x1, v1, x2, v2; got {start!r}.")
-        chosen = self._everyone if which is None else which
-        for address in self.addresses:
-            kernels.reset_fleet(address, chosen, begin, self.z, *self.outputs)
+        for address in self.outputs.addresses:
+            kernels.reset_fleet(address, self._everyone if which is None else which, begin, self.z)
 
     def step(self) -> Outputs:
-        """Advance all drives by one control period under ``actions``; return :attr:`outputs`, new ones.
+        """Advance all drives by one control period under ``actions``; return :attr:`outputs`, others than before.
 
         Raises
         ------
         ValueError
             If an action is no finite number; no drive was advanced then.
         """
-        out = self._fresh()
+        out = self._unused()
         if self._pool is None:
-            self.kernel(self.addresses[0], self.z, *out)
-            self.ended = self.told_of_ends[0][0]
+            self.kernel(out.addresses[0], self.z)
+            self.ended = out.ended[0][0]
             if self.ended < 0:
                 self.refuse()
             self.outputs = out
@@ -152,21 +182,14 @@ class Fleet:
             self.refuse()
         self.outputs = out
         # every thread takes shares until none is left, so that one that is late or never scheduled costs little
-        shares = deque(self.addresses)
+        shares = deque(out.addresses)
         jobs = [self._pool.submit(self._take, shares) for _ in range(self._helpers)]
         self._take(shares)
         for job in jobs:
             if not job.cancel():
                 job.result()
-        self.ended = sum(view[0] for view in self.told_of_ends)
+        self.ended = sum(view[0] for view in out.ended)
         return out
-
-    def _fresh(self) -> Outputs:
-        """Return arrays for one step; whoever gets them may keep them, so none is ever written again."""
-        # memory that was just given back comes first, so a caller that keeps nothing stays within the processor's cache
-        return Outputs(
-            np.empty(self._shape, np.float32), np.empty(self.n), np.empty(self.n, np.bool_), np.empty(self.n, np.bool_)
-        )
 
     def refuse(self) -> None:
         """Raise what says which action is no finite number."""
@@ -192,11 +215,13 @@ class Fleet:
                 address = shares.popleft()
             except IndexError:
                 return  # another thread was faster
-            self.kernel(address, self.z, *self.outputs)
+            self.kernel(address, self.z)
 
     def renew(self) -> None:
-        """Go on in arrays that nobody else has, with the same contents."""
-        self.outputs = self.outputs.copied()
+        """Go on in arrays that nobody refers to, with the same contents."""
+        old, self.outputs = self.outputs, self._unused()
+        for name in OUTPUTS:
+            getattr(self.outputs, name)[...] = getattr(old, name)
 
     def state(self) -> dict[str, FloatArray]:
         """Return what is known of the drives: :data:`KEYS` to arrays, shape (n,)."""
@@ -216,6 +241,21 @@ class Fleet:
             self.arrays[name][...] = kept[name]
         if self.z is not None:
             self.z[...] = kept["z"]
+
+    def new_outputs(self, *, flat: bool = False) -> Outputs:
+        """Return outputs of this fleet that were never used; ``flat``: of a fleet of one, without its axis."""
+        entries = len(self.bound)
+        return Outputs((entries,) if flat else (self.n, entries), self.n, self._parts)
+
+    def _unused(self) -> Outputs:
+        """Return outputs that nobody refers to: used ones if they were dropped, else new ones."""
+        for out in self._spare:
+            if out.references() == self._unreferenced:
+                return out
+        fresh = self.new_outputs()
+        # whoever keeps what it gets will not give it back: forget the oldest
+        self._spare = [fresh, *self._spare[: MOST_SPARE - 1]]
+        return fresh
 
     def _arrays(self, full: bool, scale: FloatArray) -> dict[str, npt.NDArray[Any]]:
         """Return what the kernels read and write, beside outputs and work spaces, by the names of the layout."""
@@ -245,7 +285,6 @@ class Fleet:
             "highest": drawn.high,
             "factor": drawn.factor,
             "line": np.zeros((n, task.late, 4)),
-            "record": np.zeros(len(KEYS)),
         }
 
     def _sizes(self, *, tells: bool) -> dict[int, int]:

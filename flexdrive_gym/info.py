@@ -1,7 +1,8 @@
 """The ``info`` of a step, made only when somebody looks.
 
 Making fifteen numbers into a dictionary takes longer than the physics of a step, and most steps' ``info`` nobody reads. So a
-step returns a dictionary that has its numbers as bytes and fills itself at the first use; from then on it is like any other.
+step returns a dictionary that knows where its numbers are recorded and fills itself at the first use; from then on it is
+like any other. The record is not written again as long as the dictionary exists, so it does not matter when that is.
 
 Code that reads a dictionary's memory without asking its methods (few C extensions do) sees one entry, ``x1``: ``None``;
 ``dict(info)`` is an ordinary dictionary.
@@ -13,6 +14,7 @@ from collections.abc import Callable
 from typing import Any
 
 from flexdrive_gym.fleet import KEYS
+from flexdrive_gym.recording import FloatArray
 
 # Not empty, because some C code (the encoder of json) asks for the size of a dictionary before it asks for its items.
 PLACEHOLDER: dict[str, Any] = {KEYS[0]: None}
@@ -22,7 +24,7 @@ class Info(dict[str, Any]):
     """Physical units and terms of the reward of one step; :data:`~flexdrive_gym.fleet.KEYS` to floats."""
 
     __slots__ = ("record",)
-    record: bytes | None
+    record: FloatArray | None
 
     # copies and pickles are plain dictionaries
     def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
@@ -30,7 +32,7 @@ class Info(dict[str, Any]):
 
 
 class Unread(Info):
-    """One that nobody looked at yet; ``record`` has its numbers. Made by ``Unread(PLACEHOLDER)``."""
+    """One that nobody looked at yet; ``record`` has its numbers."""
 
     __slots__ = ()
 
@@ -40,8 +42,15 @@ def _read(info: Unread) -> None:
     info.__class__ = Info  # type: ignore[assignment]
     record = getattr(info, "record", None)
     if record is not None:
-        info.update(zip(KEYS, memoryview(record).cast("d"), strict=True))
+        info.update(zip(KEYS, record.tolist(), strict=True))
         info.record = None
+
+
+def unread(record: FloatArray) -> Unread:
+    """Return a dictionary of the numbers in ``record``, shape (keys,), which shall not change before it is read."""
+    info = Unread(PLACEHOLDER)
+    info.record = record
+    return info
 
 
 def _reading(name: str) -> Callable[..., Any]:

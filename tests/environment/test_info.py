@@ -81,16 +81,3 @@ def test_it_is_a_dictionary():
     match trace(1)[0][0]:
         case {"e": error}:
             assert error == expected[0]["e"]
-
-
-def test_observations_are_not_written_again():
-    env = gymnasium.make(ID)
-    kept = [env.reset(seed=0)[0]]
-    copies = [kept[0].copy()]
-    for k in range(20):
-        observation = env.step(np.array([0.05 * k], np.float32))[0]
-        kept.append(observation if k % 2 else observation[:3])
-        copies.append(kept[-1].copy())
-        del observation
-    for a, b in zip(kept, copies, strict=True):
-        assert np.array_equal(a, b)

@@ -320,7 +320,7 @@ def test_spaces_and_batches_match():
 def test_threads_change_nothing(arguments):
     n = 2 * LEAST_PER_THREAD + 100
     envs = [batched(n, threads=threads, duration=0.1, **arguments) for threads in (1, 2)]
-    assert len(envs[1].fleet.addresses) > 1
+    assert len(envs[1].fleet.outputs.blocks) > 1
     actions = np.random.default_rng(8).uniform(-1, 1, (25, n, 1)).astype(np.float32)
     first = [env.reset(seed=1)[0] for env in envs]
     assert np.array_equal(*first)

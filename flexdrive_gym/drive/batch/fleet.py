@@ -237,14 +237,8 @@ def _refused(block: Any) -> int:
     return min(odd, 1)
 
 
-@inlined
-def _write_to(block: Any, observation: Any, reward: Any, terminated: Any, truncated: Any) -> None:
-    block[A_OBSERVATION], block[A_REWARD] = observation.ctypes.data, reward.ctypes.data
-    block[A_TERMINATED], block[A_TRUNCATED] = terminated.ctypes.data, truncated.ctypes.data
-
-
 @kernel
-def step_fleet(address: int, z: Any, observation: Any, reward: Any, terminated: Any, truncated: Any) -> None:
+def step_fleet(address: int, z: Any) -> None:
     """Advance drives by one control period and observe them; none if an action is no finite number.
 
     Parameters
@@ -254,11 +248,8 @@ def step_fleet(address: int, z: Any, observation: Any, reward: Any, terminated: 
         Whoever calls holds the block and the arrays.
     z : ndarray, shape (n, WORKSPACE), or None
         Workspaces of the drives where some has effects beyond the base.
-    observation, reward, terminated, truncated : ndarray, shapes (n, entries), (n,), (n,), (n,)
-        Written, for the drives of the block.
     """
     block = integers_at(address)
-    _write_to(block, observation, reward, terminated, truncated)
     # not left early: that would keep the compiler from what it does to the loop
     refused = _refused(block)
     ended, high = REFUSED * refused, block[HIGH] - refused * (block[HIGH] - block[LOW])
@@ -271,7 +262,7 @@ def step_fleet(address: int, z: Any, observation: Any, reward: Any, terminated: 
 def step_single(address: int, z: Any) -> None:
     """Do what :func:`step_fleet` does for a fleet of one, and record it: loops over one drive are none.
 
-    It writes where the block says. Releasing the interpreter's lock would take a tenth of the step.
+    Releasing the interpreter's lock would take a tenth of the step.
     """
     block = integers_at(address)
     action = floats_at(block[A_ACTIONS])[0]
@@ -329,18 +320,17 @@ def prepare_fleet(address: int) -> None:
 
 
 @kernel
-def reset_fleet(
-    address: int, which: Any, start: Any, z: Any, observation: Any, reward: Any, terminated: Any, truncated: Any
-) -> None:
+def reset_fleet(address: int, which: Any, start: Any, z: Any) -> None:
     """Start a new episode of some drives: draw parameters and reference, at ``start``.
 
     ``which`` are their numbers, of which those in the block's range count; ``start`` (4,) is x1, v1, x2, v2; the rest is as
     in :func:`step_fleet`.
     """
     block = integers_at(address)
-    _write_to(block, observation, reward, terminated, truncated)
     shared = block[DRAWN] == 0
     clock, begin, seeds = integers_at(block[A_CLOCK]), integers_at(block[A_BEGIN]), naturals_at(block[A_SEEDS])
+    reward = floats_at(block[A_REWARD])
+    terminated, truncated = flags_at(block[A_TERMINATED]), flags_at(block[A_TRUNCATED])
     extra, line = pointer(z), floats_at(block[A_LINE])
     for j in which:
         if not block[LOW] <= j < block[HIGH]:
@@ -352,7 +342,7 @@ def reset_fleet(
         if block[REFERENCES] > 1:
             begin[j] = int(next_random(seeds, j) * block[REFERENCES]) * block[SAMPLES]
         clock[j] = 0
-        reward[j], terminated[j], truncated[j] = 0.0, False, False
+        reward[j], terminated[j], truncated[j] = 0.0, 0, 0
         if not shared:
             _prepare(j, False, block, q)
         if block[ONE_BY_ONE] == 1:
