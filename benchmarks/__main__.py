@@ -22,6 +22,7 @@ from benchmarks import (
     reversals,
     sim_to_real,
     speed,
+    term,
 )
 
 ALL = {
@@ -47,6 +48,7 @@ LONG = {
     "learners": learners.main,
     "reversals": reversals.main,
     "sim_to_real": sim_to_real.main,
+    "term": term.main,
 }
 
 

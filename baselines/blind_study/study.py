@@ -3,33 +3,24 @@
 from __future__ import annotations
 
 import gzip
-import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from baselines.blind_study.one import conduct, opened
 from baselines.blind_study.plan import Trial, plan
-from baselines.evaluation.parallel import Backend, Progress, workers
+from baselines.evaluation.parallel import Backend, Progress, code_digest, workers
 from flexdrive_gym.files import write_atomically
 
-_DECIDES = ("baselines/rig_simulator", "identification", "flexdrive_gym")
+_DECIDES = ("baselines.rig_simulator", "identification", "flexdrive_gym")
 # all outcomes of a study in one file, a line each
 PACKED = "outcomes.jsonl.gz"
 
 
 def engine() -> str:
     """Return a digest of the code that makes and diagnoses: outcomes of different code are not mixed."""
-    code = hashlib.sha256()
-    for package in _DECIDES:
-        spec = find_spec(package.replace("/", "."))
-        assert spec is not None
-        assert spec.origin is not None
-        for path in sorted(Path(spec.origin).parent.rglob("*.py")):
-            code.update(path.read_bytes())
-    return code.hexdigest()[:12]
+    return code_digest(_DECIDES)
 
 
 def conduct_study(

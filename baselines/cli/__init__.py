@@ -22,6 +22,7 @@ from baselines.cli import (
     migrate,
     report,
     stability,
+    term,
     train,
     validate,
 )
@@ -40,8 +41,8 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for _module in (
-    demo, check, identify, validate, stability, experiment, diagnose, design, train, compare, report, lab, migrate,
-    blind, benchmark,
+    demo, check, identify, validate, stability, experiment, diagnose, design, train, compare, report, term, lab,
+    migrate, blind, benchmark,
 ):  # fmt: skip
     app.command(cls=Command)(getattr(_module, _module.__name__.rsplit(".", 1)[-1]))
 

@@ -5,14 +5,37 @@ A worker that is lost loses nothing: Dask computes its runs again elsewhere.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, Literal
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Literal, Protocol
 
 Backend = Literal["threading", "loky", "dask", "sequential"]
 Progress = Callable[[int, int], None]
+Keep = Callable[[int, Any], None]
 Work = Sequence[tuple[Callable[..., Any], tuple[Any, ...]]]
-Run = Callable[[Work, Progress], list[Any]]
+
+
+class Run(Protocol):
+    """Runs jobs and returns their results in the order of the list; ``keep`` gets each with its place as soon as it is there."""
+
+    def __call__(self, work: Work, progress: Progress, keep: Keep = ...) -> list[Any]:  # noqa: D102
+        ...
+
+
+def code_digest(packages: Sequence[str]) -> str:
+    """Return a digest of the code of packages and modules, under which results are kept: those of other code are made again."""
+    code = hashlib.sha256()
+    for package in packages:
+        spec = find_spec(package)
+        assert spec is not None
+        assert spec.origin is not None
+        file = Path(spec.origin)
+        for path in sorted(file.parent.rglob("*.py")) if file.name == "__init__.py" else [file]:
+            code.update(path.read_bytes())
+    return code.hexdigest()[:12]
 
 
 def run_jobs(work: Work, backend: Backend, jobs: int, scheduler: str | None, progress: Progress) -> list[Any]:
@@ -52,7 +75,7 @@ def workers(backend: Backend, jobs: int, scheduler: str | None) -> Iterator[Run]
     Yields
     ------
     callable
-        Takes the jobs and the progress as :func:`run_jobs` does.
+        Takes the jobs, the progress as :func:`run_jobs` does, and who keeps a result as soon as it is there.
 
     Raises
     ------
@@ -72,15 +95,20 @@ def workers(backend: Backend, jobs: int, scheduler: str | None) -> Iterator[Run]
         yield _gather
 
 
-def _gather(work: Work, progress: Progress) -> list[Any]:
+def _gather(work: Work, progress: Progress, keep: Keep = lambda _place, _result: None) -> list[Any]:
     from joblib import Parallel, delayed  # noqa: PLC0415
 
-    calls = [delayed(function)(*arguments) for function, arguments in work]
-    found = []
-    for done in Parallel(return_as="generator")(calls):
-        found.append(done)
+    calls = [delayed(_numbered)(place, function, arguments) for place, (function, arguments) in enumerate(work)]
+    found: dict[int, Any] = {}
+    for place, result in Parallel(return_as="generator_unordered")(calls):
+        keep(place, result)
+        found[place] = result
         progress(len(found), len(calls))
-    return found
+    return [found[place] for place in range(len(calls))]
+
+
+def _numbered(place: int, function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[int, Any]:
+    return place, function(*arguments)
 
 
 def _connected(scheduler: str | None) -> Any:

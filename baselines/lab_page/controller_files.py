@@ -45,17 +45,17 @@ def read_controller(name: str, content: bytes, drive: Drive) -> Controller:
             if ending == ".npz":
                 from baselines.rl.agents import load_agent  # noqa: PLC0415  (reads files)
 
-                return load_agent(path).controller(drive, RIG_TIME_S)
-            return _linear(path)
+                return load_agent(path).on_scale_of(drive).controller(drive, RIG_TIME_S)
+            return _linear(path, drive)
         except (ValueError, TypeError) as error:
             # the visitor knows the file by another name
             raise ValueError(str(error).replace(str(path), name[-60:])) from error
 
 
-def _linear(path: Path) -> Controller:
+def _linear(path: Path, drive: Drive) -> Controller:
     from baselines.compare.own import load_linear  # noqa: PLC0415  (brings the whole comparison)
 
-    found = load_linear(path)
+    found = load_linear(path).rescaled(drive.units)
     if found.order > LARGEST_ORDER:
         raise ValueError(f"controller: at most {LARGEST_ORDER} states run live; got {found.order}. Reduce its order.")
     if found.every(RIG_TIME_S) is None:

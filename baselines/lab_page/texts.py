@@ -50,9 +50,9 @@ GAIN = "Kp"
 FACTOR = "Gain factor"
 REFERENCE = "Reference"
 REFERENCES = {
-    "moves": "50 mm forth and back (handout)",
-    "one_move": "one move of 50 mm",
-    "step": "step of 50 mm",
+    "moves": "{stroke} forth and back (handout)",
+    "one_move": "one move of {stroke}",
+    "step": "step of {stroke}",
     "rest": "stand still",
 }
 AMPLITUDE = "Amplitude"

@@ -204,7 +204,12 @@ def _unnamed(selection: Selection) -> Unnamed | None:
         return None
     near = [s for s in last.scored[1:] if not isinstance(s.candidate, Shape | Line) and s.total > 0.0][:3]
     nearest = tuple((s.name[0], float(s.total / last.best.total)) for s in near)
-    return Unnamed(shape.where, _share(last.best, last), shape.variable if isinstance(shape, Line) else f"a function of the {shape.variable}", nearest)
+    return Unnamed(
+        shape.where,
+        _share(last.best, last),
+        shape.variable if isinstance(shape, Line) else f"a function of the {shape.variable}",
+        nearest,
+    )
 
 
 def _experiment(scored: Scored) -> str | None:

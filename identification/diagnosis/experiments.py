@@ -1,7 +1,7 @@
 """Which recordings repeat one experiment: they err alike, so they are one unit of validation.
 
-A model that lacks something errs in the same way whenever the same is done. Predicting one replicate from the others tests run-to-run
-variability, and no physics.
+A model that lacks something errs in the same way whenever the same is done. Predicting one replicate from the others
+tests run-to-run variability, and no physics.
 """
 
 from __future__ import annotations
@@ -14,11 +14,13 @@ import numpy.typing as npt
 from flexdrive_gym.recording import FloatArray, Recording
 
 IntArray = npt.NDArray[np.int64]
-# commands that differ by less of their rms say the same; amplitudes and frequencies of experiments are set in steps of ten per cent
+# commands that differ by less of their rms say the same; amplitudes and frequencies of experiments are set in steps of
+# ten per cent
 _ALIKE = 0.07
 # samples at which commands are compared
 _SAMPLES = 400
-# fewer experiments than this each tell something that no other does, and none can be predicted from the rest: every recording is a unit then
+# fewer experiments than this each tell something that no other does, and none can be predicted from the rest: every
+# recording is a unit then
 FEWEST = 8
 
 

@@ -1,6 +1,7 @@
 """Fits of a drive to all recordings, in the metric of their noise.
 
-Whitened by the innovations of a disturbed drive (:mod:`identification.diagnosis.noise`) a fit minimises prediction errors, which are
+Whitened by the innovations of a disturbed drive (:mod:`identification.diagnosis.noise`) a fit minimises prediction
+errors, which are
 small as soon as the equations of motion hold, so that it finds a drive from far away. Weighted by noise levels alone it minimises
 output errors, which judge long horizons.
 """
@@ -26,6 +27,8 @@ from identification.replay.output_error import PHYSICS_S
 _STEP = 2e-3
 # a rate times the step beyond which an effect is as good as instantaneous
 _FASTEST = 30.0
+
+
 class Metric(Protocol):
     """What turns rows into white ones."""
 

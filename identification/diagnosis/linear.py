@@ -74,7 +74,9 @@ class Linear:
     ) -> Linear:
         """Whiten columns and residual."""
         white = noise.white(columns)
-        return cls(bench, tuple(entries), tuple(range(base)), columns, white, bench.products(white), noise.white(residual))
+        return cls(
+            bench, tuple(entries), tuple(range(base)), columns, white, bench.products(white), noise.white(residual)
+        )
 
     def gradient(self, residual: FloatArray) -> FloatArray:
         """Return the products of all columns with whitened residuals per unit, shape (U, M, k), from shape (N, k)."""
@@ -91,7 +93,12 @@ class Linear:
         return found
 
     def normal(self, gradient: FloatArray, square: FloatArray, more: Sequence[int] = ()) -> Normal:
-        """Return the normal equations of the base model with some columns, for gradients, shape (U, M), and squares, shape (U,)."""
+        """Return the normal equations of the base model with some columns.
+
+        Parameters
+        ----------
+        gradient, square : ndarray, shapes (U, M) and (U,)
+        """
         use = [*self.base, *more]
         return Normal(self.products[np.ix_(range(len(self.products)), use, use)], gradient[:, use], square)
 
@@ -104,7 +111,9 @@ class Linear:
         return Linear.of(self.bench, noise, columns, model.residual, entries, p)
 
 
-def linearise(bench: Bench, noise: Noise, model: Fit, candidates: Sequence[Candidate], shapes: Sequence[Shape]) -> Linear:
+def linearise(
+    bench: Bench, noise: Noise, model: Fit, candidates: Sequence[Candidate], shapes: Sequence[Shape]
+) -> Linear:
     """Return the sensitivities of all candidates around a model.
 
     A candidate's columns are the change at its plainly present size over that size, for non-linear effects look different when

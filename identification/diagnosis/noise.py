@@ -1,15 +1,17 @@
 r"""The noise of a data set: unknown forces, encoder counts, and what differs from run to run.
 
 The rows of recording r are, around the simulation of a drive that lacks nothing, the response to forces that nobody knows
-(:mod:`identification.diagnosis.whiten`), scaled by :math:`\lambda_r`, and to amplitudes :math:`a_r \sim N(0, S)` of everything that
-differs between runs (:mod:`identification.diagnosis.nuisance`). A row is whitened by the innovations' filter F and then by what the
-amplitudes leave,
+(:mod:`identification.diagnosis.whiten`), scaled by :math:`\lambda_r`, and to amplitudes :math:`a_r \sim N(0, S)` of
+everything that
+differs between runs (:mod:`identification.diagnosis.nuisance`). A row is whitened by the innovations' filter F and then
+by what the amplitudes leave,
 
 .. math:: W_r = (I - U(1 - (1 + \lambda^2)^{-1/2}) U^T) F_r, \qquad F_r D_r S^{1/2} = U \lambda V^T .
 
-Five parameters are of the whole data set: intensities of white and of slow forces on each cart, and the slow ones' correlation time. They
-and :math:`S` maximise the likelihood of the residual. A recording has its own :math:`\lambda_r`, half of which is its own and half the
-data set's: each has a vote, however small its motion, and none is given up for a quiet one.
+Five parameters are of the whole data set: intensities of white and of slow forces on each cart, and the slow ones'
+correlation time. They
+and :math:`S` maximise the likelihood of the residual. A recording has its own :math:`\lambda_r`, half of which is its
+own and half the data set's: each has a vote, however small its motion, and none is given up for a quiet one.
 """
 
 from __future__ import annotations
@@ -27,8 +29,8 @@ from identification.diagnosis.bench import Bench, Values
 from identification.diagnosis.nuisance import Direction, dry_level
 from identification.diagnosis.whiten import transitions, whitened
 
-# intensity of white forces [s^½], standard deviation of slow ones [1], relative to dry friction, and their time [s], where a search
-# begins: what two recorded rigs have (``python -m benchmarks forces``)
+# intensity of white forces [s^½], standard deviation of slow ones [1], relative to dry friction, and their time [s],
+# where a search begins: what two recorded rigs have (``python -m benchmarks forces``)
 WHITE, SLOW, TIME_S = 0.01, 0.1, 0.3
 # share of the command that unknown forces may have: more is something left out; white ones as their mean over so many seconds
 _MOST_OF_COMMAND, _MEAN_S = 0.1, 0.05
@@ -103,7 +105,8 @@ class Noise:
     modes : list of ndarray, shape (rows of a recording, m)
         Directions that are damped, per recording; empty without variability.
     weights : ndarray, shape (N,), or None
-        Of rows whitened by the filter: below 1 where noise acts on friction and scatters them more widely than the filter expects.
+        Of rows whitened by the filter: below 1 where noise acts on friction and scatters them more widely than the
+        filter expects.
     """
 
     bench: Bench
@@ -124,7 +127,7 @@ class Noise:
             own = _STILL if run.positions else share
             A, Q = transitions(self.values, run.block * run.sample_time, own * q, own * s, self.forces.time_s)
             rho = _rounding(self.bench, run.name)
-            start = np.array([rho[0], 0.0, rho[-1], 0.0, *(own * s) ** 2])
+            start = np.array([rho[0], 0.0, rho[-1], 0.0, *(own * s) ** 2, 0.0, 0.0])
             found.append((A, Q, start))
         return found
 
@@ -139,7 +142,9 @@ class Noise:
             y = columns[rows].reshape(*valid.shape, columns.shape[1]) * valid[..., None]
             if not run.positions:
                 y = np.cumsum(y, axis=1) * (run.block * run.sample_time)
-            white, logarithm[r] = whitened(A, Q, self.bench.resting[r], start, _rounding(self.bench, run.name), y, valid)
+            white, logarithm[r] = whitened(
+                A, Q, self.bench.resting[r], start, _rounding(self.bench, run.name), y, valid
+            )
             out[rows] = white.reshape(valid.size, columns.shape[1])
         if self.weights is not None:
             out *= self.weights[:, None]
@@ -199,8 +204,8 @@ def estimate(bench: Bench, values: Values, residual: FloatArray, found: Sequence
 def scattered(noise: Noise, rows: FloatArray, found: Sequence[Direction]) -> Noise:
     """Return the noise with less weight on rows that simulated noise scatters more widely than the filter expects.
 
-    Near rest a little force decides whether a cart slips. Rows there are as far from each other in simulations of the same drive as
-    they are from the data, and no candidate may gain from them.
+    Near rest a little force decides whether a cart slips. Rows there are as far from each other in simulations of the
+    same drive as they are from the data, and no candidate may gain from them.
 
     Parameters
     ----------
@@ -271,9 +276,7 @@ def _scales(mean: FloatArray, variance: FloatArray, found: Sequence[Direction]) 
     return {g: float(np.clip(np.sqrt(s), _LEAST, _MOST)) for g, s in square.items()}
 
 
-def _modes(
-    bench: Bench, white: FloatArray, found: Sequence[Direction], scale: Mapping[str, float]
-) -> list[FloatArray]:
+def _modes(bench: Bench, white: FloatArray, found: Sequence[Direction], scale: Mapping[str, float]) -> list[FloatArray]:
     modes = []
     sizes = np.array([scale[d.group] for d in found])
     for rows in bench.rows:

@@ -52,7 +52,8 @@ class Direction:
         For a ripple along the track: what it is (cart and kind of force), its wavelength [mm], and whether it is the sine (0) or
         the cosine (1). The track is the same in all recordings, which begin anywhere on it.
     force
-        From a recording's number to the force on each cart per unit amplitude, ndarray, shape (2, n); ``None`` where it is no force.
+        From a recording's number to the force on each cart per unit amplitude, ndarray, shape (2, n); ``None`` where it
+        is no force.
     """
 
     group: str
@@ -82,7 +83,9 @@ def directions(bench: Bench, values: Values) -> list[Direction]:
             for turn in (0, 1):
                 wave = partial(_wave, bench, c, length, 0.5 * np.pi * turn)
                 made.append(("rough track", ROUGH, partial(_shaped, c, against, wave), (f"rough {c}", length, turn)))
-                made.append(("hills of the track", HILLS, partial(_shaped, c, ones, wave), (f"hills {c}", length, turn)))
+                made.append(
+                    ("hills of the track", HILLS, partial(_shaped, c, ones, wave), (f"hills {c}", length, turn))
+                )
     level = max((dry_level(values, c) for c in range(bench.carts)), default=0.0)
     changes = bench.pushed(values, [force for _, _, force, _ in made], max(0.05 * level, 1e-6)) if made else []
     found = [Direction(g, s, change, wave, force) for (g, s, force, wave), change in zip(made, changes, strict=True)]

@@ -1,9 +1,12 @@
 """The null distribution: what the same pipeline finds in data of this rig in which nothing is left out.
 
 A draw is a simulation of the present model under everything that is nobody's missing physics: unknown forces of the estimated
-intensities, friction and a track that differ from run to run, and encoder counts. It goes through the drive's own step, so what noise
-does to dry friction is in the draws: it dithers the reversals, for the mean of a non-linear drive is not the drive of the mean. Every candidate's gain is computed in every draw as it is in the data. Each name is
-judged against the median and the upper spread of its own draws, for a candidate that acts near reversals gains more in data that lack
+intensities, friction and a track that differ from run to run, and encoder counts. It goes through the drive's own step,
+so what noise
+does to dry friction is in the draws: it dithers the reversals, for the mean of a non-linear drive is not the drive of
+the mean. Every candidate's gain is computed in every draw as it is in the data. Each name is
+judged against the median and the upper spread of its own draws, for a candidate that acts near reversals gains more in
+data that lack
 nothing; the largest over the catalogue gives the p-value. Draws end early where so many have done better that the answer is
 certain (J. Besag, P. Clifford, Sequential Monte Carlo p-values, Biometrika 78, 1991).
 """
@@ -113,7 +116,10 @@ def null_of(
         gain = {n: np.concatenate([t.total[n] for t in gains]) for n in gains[0].total}
         rest = {n: np.concatenate([t.rest[n] for t in gains]) for n in gains[0].rest}
         nulls = Null.of(gain), Null.of(rest)
-        best = min(max(null.p_value(n, float(own[n][0])) for null, own in zip(nulls, (data.total, data.rest), strict=True)) for n in data.total)
+        best = min(
+            max(null.p_value(n, float(own[n][0])) for null, own in zip(nulls, (data.total, data.rest), strict=True))
+            for n in data.total
+        )
         if made >= bench.settings.draws or best * (made + 1) > _ENOUGH:
             return nulls
         rows = noise.white(simulated(bench, values, noise, found, range(made, made + _CHUNK), seed))
@@ -128,7 +134,9 @@ def simulated(
     here = bench.residual(values, [np.zeros((2, len(run.u))) for run in bench.runs])
     forces = [d for d in found if d.force is not None]
     shapes = [
-        np.array([d.force(r) for d in forces], dtype=np.float32) for r in range(len(bench.runs)) if forces  # type: ignore[misc]
+        np.array([d.force(r) for d in forces], dtype=np.float32)
+        for r in range(len(bench.runs))
+        if forces  # type: ignore[misc]
     ]
     moved = [d for d in found if d.force is None]
     # what disturbs a cart is friction for the most part: at rest it holds, as the recordings show

@@ -84,13 +84,14 @@ def studentised(gain: FloatArray) -> FloatArray:
 
 
 def trimmed(gain: FloatArray) -> FloatArray:
-    """Return the sum of gains along the last axis without the largest: what one experiment alone shows is no property of a rig."""
+    """Return the sum of gains along the last axis without the largest.
+
+    What one experiment alone shows is no property of a rig.
+    """
     return np.asarray(gain.sum(axis=-1) - gain.max(axis=-1)) if gain.shape[-1] > 1 else gain.sum(axis=-1)
 
 
-def leave_one_out_variance(
-    form: FloatArray, information: FloatArray, units: IntArray
-) -> tuple[FloatArray, FloatArray]:
+def leave_one_out_variance(form: FloatArray, information: FloatArray, units: IntArray) -> tuple[FloatArray, FloatArray]:
     """Return gains of pairs of random amplitudes, of a variance that is estimated from the other units.
 
     Parameters

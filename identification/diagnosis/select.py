@@ -243,7 +243,9 @@ class Selector:
             base = fit(bench, noise, base.values, base.names)
             linear = linear.around(base, noise)
             table = evaluate(linear, linear.residual[:, None])
-            jobs = [(c, f.values) for c, f in fits.values()] or self._jobs(base, linear, table, first, candidates, number)
+            jobs = [(c, f.values) for c, f in fits.values()] or self._jobs(
+                base, linear, table, first, candidates, number
+            )
             fits = self._fits(base, noise, jobs)
             model = min((f for _, f in fits.values()), key=lambda f: f.cost, default=base)
             if model.cost > (1.0 - self.settings.large) * base.cost:
@@ -296,20 +298,25 @@ class Selector:
         for candidate, found in self.bench.pool.map(tried, jobs):
             if candidate.name not in best or found.cost < best[candidate.name][1].cost:
                 best[candidate.name] = candidate, found
-        leading = sorted(best, key=lambda n: best[n][1].cost)[: self.settings.finished]
+        # those that are ahead, and those that the linear change puts first, however far their fits have to go
+        asked = list(dict.fromkeys(candidate.name for candidate, _ in jobs))
+        ahead = sorted(best, key=lambda n: best[n][1].cost)[: self.settings.finished]
+        leading = list(dict.fromkeys([*ahead, *asked[: self.settings.finished // 2]]))
         ended = self.bench.pool.map(lambda n: fit(self.bench, noise, best[n][1].values, best[n][1].names), leading)
         return best | {n: (best[n][0], f) for n, f in zip(leading, ended, strict=True)}
 
     def _far(self, base: Fit) -> bool:
         """Whether the simulation is so far from the data that its own sensitivities may lead nowhere."""
         bench = self.bench
-        errors = [float(np.mean(base.residual[p.rows][bench.valid[p.rows]] ** 2)) for p in bench.pieces if bench.valid[p.rows].any()]
+        errors = [
+            float(np.mean(base.residual[p.rows][bench.valid[p.rows]] ** 2))
+            for p in bench.pieces
+            if bench.valid[p.rows].any()
+        ]
         seen = [s for p, s in zip(bench.pieces, bench.signal, strict=True) if bench.valid[p.rows].any()]
         return sum(errors) > self.settings.far * sum(seen)
 
-    def _better_base(
-        self, base: Fit, noise: Noise, fits: Mapping[Name, tuple[Candidate, Fit]]
-    ) -> tuple[Fit, float]:
+    def _better_base(self, base: Fit, noise: Noise, fits: Mapping[Name, tuple[Candidate, Fit]]) -> tuple[Fit, float]:
         """Refit the base model from the candidates' optima: a better optimum of it must not pass for a gain.
 
         Returns the best fit, and by how much the log-likelihoods of its optima differ: dry friction makes a likelihood rough.
@@ -410,9 +417,10 @@ def _scored(
 ) -> list[Scored]:
     """Return every name with its gain: of its fit where there is one, else of its linear change.
 
-    Null draws know linear changes alone. A fit that gains more has found more, or a better place on a rough likelihood. So the ratio of
-    likelihoods, with what the base model's own optima differ by taken off, and one of the two tests to first order (score and Wald)
-    must both be significant.
+    Null draws know linear changes alone. A fit that gains more has found more, or a better place on a rough likelihood.
+    So the ratio of
+    likelihoods, with what the base model's own optima differ by taken off, and one of the two tests to first order
+    (score and Wald) must both be significant.
     """
     found = []
     for name in {**table.best, **fits}:

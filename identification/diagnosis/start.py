@@ -76,7 +76,12 @@ def far_starts(bench: Bench, base: Fit, known: Values, candidates: Sequence[Cand
         screen = Screen(bench.recordings, bench.settings, bench.pool, known, resting=resting)
         seen: set[Name] = set()
         for p in screen.propose(asked):
-            if p.candidate.name not in seen and p.gain > 0.0 and _sound(p.start) and len(seen) < bench.settings.proposals // 2:
+            if (
+                p.candidate.name not in seen
+                and p.gain > 0.0
+                and _sound(p.start)
+                and len(seen) < bench.settings.proposals // 2
+            ):
                 seen.add(p.candidate.name)
                 jobs.append((p.candidate, {**base.values, **p.start}))
     return jobs

@@ -2,18 +2,20 @@ r"""Innovations of a drive that unknown forces disturb: residuals of a free simu
 
 Around the simulation the carts' deviations obey the linear drive, driven by forces that nobody knows: white ones of intensity
 :math:`q_c` and slow ones, :math:`\tau \dot f_c = -f_c + \sqrt{2\tau}\, s_c w_c`. With the state
-:math:`z = (x_1, v_1, x_2, v_2, f_1, f_2)` and an encoder that errs by its rounding,
+:math:`z = (x_1, v_1, x_2, v_2, f_1, f_2, o_1, o_2)` and an encoder that errs by its rounding,
 
-.. math:: z_{b+1} = A z_b + w_b, \qquad y_{cb} = x_c + n_{cb}, \qquad \operatorname{cov} w_b = Q, \quad \operatorname{var} n = \rho,
+.. math:: z_{b+1} = A z_b + w_b, \qquad y_{cb} = x_c + o_c + n_{cb}, \qquad \operatorname{cov} w_b = Q, \quad
+\operatorname{var} n = \rho,
 
 the innovations of the Kalman filter over their standard deviations are white with variance one, and their squares with the
 logarithms of those variances are the likelihood (R. K. Mehra 1970; L. Ljung, System Identification, 1999, ch. 7). Where forces
-are large against the rounding this is the equation error, where they are small the output error. The filter is linear, so the same
-filter turns sensitivities into regressors.
+are large against the rounding this is the equation error, where they are small the output error. The filter is linear,
+so the same filter turns sensitivities into regressors.
 
-A cart at rest is held by friction, whatever pulls: its velocity then ends within milliseconds, and neither spring nor forces act on it.
+A cart at rest is held by friction, whatever pulls: its velocity then ends within milliseconds, and neither spring nor
+forces act on it.
 Velocities are summed to positions first: their error is a difference of roundings, and the sum of it white. What was lost is an
-unknown offset of the position afterwards.
+unknown offset o of the reading afterwards.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ from scipy.linalg import expm
 from flexdrive_gym.drive.compilation import kernel
 from flexdrive_gym.recording import BoolArray, FloatArray
 
-STATES = 6
+STATES = 8
 # time in which a deviation of a cart at rest ends [s]
 _STOPS_S = 0.005
 # of a gain, under which the filter counts as settled
@@ -39,7 +41,7 @@ _UNKNOWN = 1e8
 def transitions(
     values: Mapping[str, float], h: float, q: FloatArray, s: FloatArray, tau: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return A and Q over a step for every mode: both carts moving, cart 1 at rest, cart 2 at rest, both, shape (4, 6, 6).
+    """Return A and Q over a step for every mode: both carts moving, cart 1 at rest, cart 2 at rest, both, shape (4, 8, 8).
 
     Parameters
     ----------
@@ -63,8 +65,8 @@ def _transition(
     m2, b2, k = values.get("m2", m1), values.get("b2", 0.0), values.get("k", 0.0)
     F, L = np.zeros((STATES, STATES)), np.zeros((STATES, STATES))
     F[0, 1] = F[2, 3] = 1.0
-    F[1] = [-k / m1, -b1 / m1, k / m1, 0.0, 1.0 / m1, 0.0]
-    F[3] = [k / m2, 0.0, -k / m2, -b2 / m2, 0.0, 1.0 / m2]
+    F[1, :6] = [-k / m1, -b1 / m1, k / m1, 0.0, 1.0 / m1, 0.0]
+    F[3, :6] = [k / m2, 0.0, -k / m2, -b2 / m2, 0.0, 1.0 / m2]
     L[1, 1], L[3, 3] = (q[0] / m1) ** 2, (q[1] / m2) ** 2
     L[4, 4], L[5, 5] = 2.0 * s**2 / tau
     for c in range(2):
@@ -85,16 +87,17 @@ def _transition(
 def innovations(
     As: Any, Qs: Any, mode: Any, P: Any, rounding: Any, y: Any, valid: Any, gain: Any, z: Any, out: Any
 ) -> float:
-    """Write whitened rows, shape (carts, blocks, columns); return the sum of the logarithms of moving carts' innovations' variances.
+    """Write whitened rows, shape (carts, blocks, columns).
 
-    ``P``, the covariance at the start, is used up; ``gain`` (carts, 6), ``z`` (6, columns) are room to work in.
+    Returns the sum of the logarithms of the innovations' variances of moving carts.
+    ``P``, the covariance at the start, is used up; ``gain`` (carts, 8), ``z`` (8, columns) are room to work in.
     """
     carts, blocks, columns = y.shape
     n = As.shape[1]
     total, settled = 0.0, False
     variance = np.zeros(carts)
     before = np.zeros((carts, n))
-    step, moved = np.zeros((n, n)), np.zeros(n)
+    step, moved, shown = np.zeros((n, n)), np.zeros(n), np.zeros(n)
     for b in range(blocks):
         A, Q = As[mode[b]], Qs[mode[b]]
         if b > 0 and mode[b] != mode[b - 1]:
@@ -111,7 +114,7 @@ def innovations(
                 if valid[c, b] != valid[c, b - 1]:
                     settled = False
                     if valid[c, b]:
-                        P[2 * c, 2 * c] += _UNKNOWN * rounding[c]
+                        P[6 + c, 6 + c] += _UNKNOWN * rounding[c]
         if not settled:
             for i in range(n):
                 for k in range(n):
@@ -131,19 +134,19 @@ def innovations(
                 continue
             row = 2 * c
             if not settled:
-                variance[c] = P[row, row] + rounding[c]
+                for i in range(n):
+                    shown[i] = P[i, row] + P[i, 6 + c]
+                variance[c] = shown[row] + shown[6 + c] + rounding[c]
                 for i in range(n):
                     before[c, i] = gain[c, i]
-                    gain[c, i] = P[i, row] / variance[c]
+                    gain[c, i] = shown[i] / variance[c]
                     change = max(change, abs(gain[c, i] - before[c, i]) / (abs(gain[c, i]) + 1e-12))
                 for i in range(n):
-                    moved[i] = P[row, i]
-                for i in range(n):
                     for k in range(n):
-                        P[i, k] -= gain[c, i] * moved[k]
+                        P[i, k] -= gain[c, i] * shown[k]
             scale = 1.0 / np.sqrt(variance[c])
             for j in range(columns):
-                e = y[c, b, j] - z[row, j]
+                e = y[c, b, j] - z[row, j] - z[6 + c, j]
                 out[c, b, j] = e * scale
                 for i in range(n):
                     z[i, j] += gain[c, i] * e
@@ -167,11 +170,11 @@ def whitened(
 
     Parameters
     ----------
-    A, Q : ndarray, shape (4, 6, 6)
+    A, Q : ndarray, shape (4, 8, 8)
         Of every mode.
     mode : ndarray of int, shape (blocks,)
         Which carts rest.
-    start : ndarray, shape (6,)
+    start : ndarray, shape (8,)
         Variances of the state at the start.
     rounding : ndarray, shape (carts,)
         Variance of a position reading [mm²].

@@ -58,7 +58,7 @@ def folder(tmp_path_factory):
 def test_the_contract_names_every_command():
     assert set(COMMANDS) == {
         "demo", "identify", "validate", "stability", "experiment", "diagnose", "design", "train", "compare", "report",
-        "blind", "benchmark", "check", "lab", "migrate",
+        "blind", "benchmark", "check", "lab", "migrate", "term",
     }  # fmt: skip
 
 

@@ -49,7 +49,7 @@ def place(tmp_path_factory):
 
 def parsed(command, option, value, place):
     """Return the value that a command would get, or the message that refuses it."""
-    needed = {"DRIVE": "drive.toml", "DRIVE...": "drive.toml", "RECORDINGS...": "run.csv"}
+    needed = {"DRIVE": "drive.toml", "DRIVE...": "drive.toml", "RECORDINGS...": "run.csv", "FOLDER...": "."}
     arguments = [str(place / needed[p.metavar]) if p.metavar != "NAME" else "emps" for p in COMMANDS[command].params
                  if p.param_type_name == "argument" and p.required]  # fmt: skip
     if command == "benchmark":

@@ -26,6 +26,8 @@ from baselines.lab_page.settings import (
 )
 from baselines.loop_analysis.stability_limit import with_rig
 from baselines.rl.agents import agent_names
+from flexdrive_gym.references import STROKE_MM
+from flexdrive_gym.units import Units
 
 # of the slider: a factor of 1.0116 a step, finer than a hand turns
 _STEP = 0.005
@@ -84,7 +86,7 @@ class ControlPanel:
                 on_change=lambda e: self._set(feedback=e.value),
             ).props("dense options-dense")
             self.reference = ui.select(
-                texts.REFERENCES,
+                _references(self._session.drive.units),
                 value=s.reference,
                 label=texts.REFERENCE,
                 on_change=lambda e: self._set(reference=e.value),
@@ -185,7 +187,7 @@ class ControlPanel:
             offered = controllers(rig.carts, self._session.own is not None)
             self.controller.set_options(offered, value=s.controller if s.controller in offered else "p")
             self.feedback.set_value(s.feedback if rig.carts == 2 else "x1")
-            self.reference.set_value(s.reference)
+            self.reference.set_options(_references(units), value=s.reference)
             self.sample_time.set_value(s.sample_time)
             self.amplitude.set_value(units.of_rig(s.amplitude, "V")[0])
             self.frequency.set_value(units.of_rig(s.frequency, "Hz")[0])
@@ -222,3 +224,8 @@ class ControlPanel:
         self._plots.set_visibility(bool(charts) or not note)
         for name, chart in charts.items():
             self.plots[name].show(chart)
+
+
+def _references(units: Units) -> dict[str, str]:
+    """Return the references by their names, lengths in the rig's units."""
+    return {key: words.format(stroke=units.text(STROKE_MM, "mm")) for key, words in texts.REFERENCES.items()}

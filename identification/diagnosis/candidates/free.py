@@ -59,10 +59,11 @@ class Shape:
 def shapes(bench: Bench, values: Values, size: float) -> list[Shape]:
     """Return the free functions that the recordings can tell.
 
-    Forces on each cart as functions of command, time, place and its velocity; friction of each cart as functions of the command's size
+    Forces on each cart as functions of command, time, place and its velocity; friction of each cart as functions of the
+    command's size
     and of the time since the cart reversed; the spring's force as a function of its deflection. Their variables are those of the
-    simulation. A force that followed the measured motion would drag the simulation along with it, as an observer does, and explain
-    whatever was measured.
+    simulation. A force that followed the measured motion would drag the simulation along with it, as an observer does,
+    and explain whatever was measured.
     """
     found = []
     for signal in _signals(bench, values):
@@ -99,9 +100,16 @@ def _signals(bench: Bench, values: Values) -> list[_Signal]:
         ]
         found += [_Signal(f"velocity {c + 1}", speed, (cart,)), _Signal(f"place {c + 1}", x, (cart,))]
         against = [-moving(y, run.sample_time, positions=True) for y, run in zip(x, bench.runs, strict=True)]
-        since = [np.minimum(_since_change(s), _LATE_S / run.sample_time) * run.sample_time for s, run in zip(against, bench.runs, strict=True)]
+        since = [
+            np.minimum(_since_change(s), _LATE_S / run.sample_time) * run.sample_time
+            for s, run in zip(against, bench.runs, strict=True)
+        ]
         found.append(_Signal(f"time since cart {c + 1} reversed", since, (cart,), against))
-        found.append(_Signal(f"size of the command, as friction {c + 1}", [np.abs(run.u) for run in bench.runs], (cart,), against))
+        found.append(
+            _Signal(
+                f"size of the command, as friction {c + 1}", [np.abs(run.u) for run in bench.runs], (cart,), against
+            )
+        )
     if bench.carts == 2:
         found.append(_Signal("deflection", [x[0] - x[1] for x in motion], ("spring",)))
     return found

@@ -1,7 +1,9 @@
-r"""A force of one frequency that the command does not make: a fan, a pump, a mains hum. It has no name, and a phase in every recording.
+r"""A force of one frequency that the command does not make: a fan, a pump, a mains hum.
 
-In the whitened rows of a cart a steady oscillation is a steady oscillation, so sine and cosine of every frequency come from one
-Fourier transform. Their amplitudes are random with one variance, as in :mod:`identification.diagnosis.candidates.phases`; what the
+It has no name, and a phase in every recording. In the whitened rows of a cart a steady oscillation is a steady
+oscillation, so sine and cosine of every frequency come from one
+Fourier transform. Their amplitudes are random with one variance, as in
+:mod:`identification.diagnosis.candidates.phases`; what the
 command makes differs from one experiment to the next and predicts no other.
 """
 
@@ -86,5 +88,5 @@ def _gains(bench: Bench, rest: FloatArray, cart: int, frequency: FloatArray) -> 
             power.append(np.abs(turn @ rest[p.rows]) ** 2)
             count.append(0.5 * max(float(bench.valid[p.rows].sum()), 1.0) if n else 1.0)
     gain, _ = leave_one_out_variance(np.array(power), np.array(count)[:, None], bench.units)
-    best = np.argmax(gain.sum(axis=1), axis=0)
+    best = np.argmax(gain.sum(axis=0), axis=0)
     return np.take_along_axis(gain, best[None, None, :], axis=1)[:, 0], int(best[0])

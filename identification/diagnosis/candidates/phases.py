@@ -1,6 +1,7 @@
 r"""Effects along the track whose phase differs from run to run, because recordings begin anywhere.
 
-A ripple :math:`a \sin(2\pi x/P + \varphi_r)` has one amplitude and one period, and in every recording a phase of its own. Its sine and
+A ripple :math:`a \sin(2\pi x/P + \varphi_r)` has one amplitude and one period, and in every recording a phase of its
+own. Its sine and
 cosine have random amplitudes with one common variance :math:`a^2`, estimated from the others. With the whitened columns S and the
 residual e of a recording the gain of log-likelihood is
 

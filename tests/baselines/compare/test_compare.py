@@ -4,11 +4,7 @@ import base64
 import os
 import re
 import signal
-import socket
-import subprocess
-import sys
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -41,7 +37,6 @@ from flexdrive_gym.drive.effects import EFFECTS
 from flexdrive_gym.references import sample_reference
 from tests.drive.drives import RIG
 
-ROOT = Path(__file__).parents[3]
 SPREAD = np.diag([(0.05 * RIG[n]) ** 2 for n in ("m1", "m2", "k", "d1")])
 DRIVE = Drive({**RIG, "saturation.limit": 8.0}, covariance=Covariance(("m1", "m2", "k", "d1"), SPREAD))
 
@@ -276,30 +271,6 @@ def test_names_and_addresses_are_checked():
         compare(DRIVE, [entry], cases=cases_of(DRIVE, draws=0, effects=False), backend="dask")
     with pytest.raises(ValueError, match="backend: must be"):
         compare(DRIVE, [entry], cases=cases_of(DRIVE, draws=0, effects=False), backend="spark")
-
-
-@pytest.fixture
-def cluster(tmp_path):
-    """A Dask scheduler and two workers on the loopback interface; yields the address and the workers."""
-    pytest.importorskip("distributed", reason="needs the extra dask")
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    address = f"tcp://127.0.0.1:{port}"
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"}
-    common = {"stderr": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "env": environment, "cwd": tmp_path}
-    worker = ["-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-nanny", "--no-dashboard",
-              "--local-directory", str(tmp_path)]  # fmt: skip
-    commands = [
-        ["-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard"],
-        worker,
-        worker,
-    ]
-    started = [subprocess.Popen([sys.executable, *command], **common) for command in commands]
-    yield address, started[1:]
-    for process in started:
-        process.kill()
-        process.wait()
 
 
 @pytest.mark.slow

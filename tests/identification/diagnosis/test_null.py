@@ -1,27 +1,37 @@
-"""The null distribution: multipliers, and p-values of data in which nothing is left out."""
+"""The null distribution: p-values, and draws that look as the noise does."""
 
 import numpy as np
 import pytest
 
-from identification.diagnosis.null import Null, multipliers
-
-
-@pytest.mark.parametrize("recordings", [6, 20])
-def test_multipliers_have_mean_zero_and_variance_one(recordings):
-    found = multipliers(20_000, recordings, 12, np.random.default_rng(0))
-    assert np.allclose(found.mean(axis=0), 0.0, atol=0.05)
-    assert np.allclose(found.var(axis=0), 1.0, atol=0.05)
-
-
-def test_few_recordings_have_more_than_two_multipliers():
-    assert len(np.unique(multipliers(500, 6, 12, np.random.default_rng(0)))) == 6
-    assert len(np.unique(multipliers(500, 12, 12, np.random.default_rng(0)))) == 2
+from identification.diagnosis.noise import Forces, Noise
+from identification.diagnosis.null import Null, simulated
+from tests.drive.drives import RIG
+from tests.identification.diagnosis.lab import bench_of, data_set
 
 
 def test_p_value_is_the_share_of_draws_whose_largest_score_is_larger():
     name = ("stribeck", "cart_1")
-    null = Null({name: 1.0}, {name: 2.0}, np.arange(99.0), {name: 0.0}, {name: 1.0}, np.arange(99.0))
+    null = Null({name: 1.0}, {name: 2.0}, np.arange(99.0))
     assert null.score(name, 5.0) == 2.0
     # 97 of 99 draws reach a score of 2
     assert null.p_value(name, 5.0) == pytest.approx(0.98)
-    assert null.p_without_best(name, 1000.0) == pytest.approx(0.01)
+    assert null.p_value(name, 1000.0) == pytest.approx(0.01)
+
+
+def test_a_name_is_judged_by_its_own_draws():
+    rng = np.random.default_rng(0)
+    quiet, loud = ("tilt", "guide"), ("stribeck", "cart_1")
+    null = Null.of({quiet: rng.exponential(1.0, 400), loud: 50.0 + 20.0 * rng.normal(size=400)})
+    assert null.p_value(loud, 60.0) > 0.2
+    assert null.p_value(quiet, 60.0) < 0.01
+
+
+def test_draws_under_unknown_forces_are_white_once_whitened():
+    rig = {**RIG, "d1": 0.0, "d2": 0.0}
+    with bench_of(data_set(force=0.0, rig=rig)[2:4]) as bench:
+        noise = Noise(bench, rig, Forces((5e-3, 2e-3), (0.02, 0.01), 0.2), np.ones(2))
+        white = noise.white(simulated(bench, rig, noise, (), range(8), [1]))
+        moving = white[bench.moves]
+        assert np.sqrt(np.mean(moving**2)) == pytest.approx(1.0, abs=0.12)
+        again = noise.white(simulated(bench, rig, noise, (), range(8), [1]))
+        assert np.array_equal(white, again)

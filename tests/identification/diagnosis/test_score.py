@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from identification.diagnosis.score import Normal, gains, studentised, trimmed
+from identification.diagnosis.score import Normal, gains, leave_one_out_variance, studentised, trimmed
 
 
 def _linear_problem(rng, recordings=5, rows=40, columns=3):
@@ -11,10 +11,13 @@ def _linear_problem(rng, recordings=5, rows=40, columns=3):
     return J, e
 
 
+def _normal(rows, signs=None):
+    return Normal.of(np.array([y.T @ y for y in rows]), signs)
+
+
 def test_square_left_out_is_that_of_a_fit_to_the_others():
     J, e = _linear_problem(np.random.default_rng(0))
-    rows = [np.column_stack([j, x]) for j, x in zip(J, e, strict=True)]
-    found = Normal.of(rows, rows).left_out(1e-10)
+    found = _normal([np.column_stack([j, x]) for j, x in zip(J, e, strict=True)]).left_out(1e-10)
     for r in range(len(J)):
         others = [i for i in range(len(J)) if i != r]
         step = np.linalg.lstsq(np.vstack([J[i] for i in others]), -np.concatenate([e[i] for i in others]), rcond=None)[
@@ -30,7 +33,7 @@ def test_a_column_without_information_gains_less_than_nothing_on_average():
         J, e = _linear_problem(rng, columns=1)
         small = [x[:, None] for x in e]
         large = [np.column_stack([j, x]) for j, x in zip(J, e, strict=True)]
-        total.append(gains(Normal.of(small, small), Normal.of(large, large), 1e-10).sum())
+        total.append(gains(_normal(small), _normal(large), 1e-10).sum())
     # one parameter costs its variance in prediction, half a unit
     assert -0.9 < np.mean(total) < -0.2
 
@@ -40,8 +43,8 @@ def test_a_sign_asked_for_is_kept():
     x = rng.normal(size=(60, 2))
     y = x @ np.array([1.0, -2.0])
     rows = [np.column_stack([x, -y])]
-    free = Normal.of(rows, rows).solve()
-    signed = Normal.of(rows, rows, np.array([0.0, 1.0])).solve()
+    free = _normal(rows).solve()
+    signed = _normal(rows, np.array([0.0, 1.0])).solve()
     assert np.allclose(free, [1.0, -2.0], atol=1e-6)
     assert signed[1] >= 0.0
 
@@ -49,3 +52,19 @@ def test_a_sign_asked_for_is_kept():
 def test_what_one_recording_gains_is_left_out_of_the_trimmed_gain():
     assert trimmed(np.array([100.0, 1.0, 2.0])) == 3.0
     assert studentised(np.array([1.0, 2.0, 3.0])) > studentised(np.array([6.0, 0.0, 0.0]))
+
+
+def test_random_amplitudes_gain_what_their_likelihood_says():
+    # ten recordings of one pair of amplitudes each, of a variance that the others tell
+    rng = np.random.default_rng(3)
+    information, variance = 4.0, 25.0
+    gradient = rng.normal(size=(10, 2)) * np.sqrt(information + information**2 * variance)
+    form = np.sum(gradient**2, axis=1)[:, None, None]
+    gain, found = leave_one_out_variance(form, np.full((10, 1), information), np.arange(10))
+    expected = 0.5 * form[:, 0, 0] / (information + 1.0 / found[0]) - np.log1p(found[0] * information)
+    assert np.isclose(gain.sum(), expected.sum(), rtol=0.1)
+    assert 0.3 * variance < found[0] < 3.0 * variance
+    none, _ = leave_one_out_variance(
+        np.full((10, 1, 1), 2.0 * information), np.full((10, 1), information), np.arange(10)
+    )
+    assert none.sum() < 0.0

@@ -1,0 +1,81 @@
+"""Innovations against the dense normal distribution that they factorise, and against draws of the model."""
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from identification.diagnosis.whiten import STATES, transitions, whitened
+
+VALUES = {"m1": 8e-4, "b1": 0.01, "m2": 5e-4, "b2": 3e-3, "k": 0.09}
+H, RHO = 0.005, 2e-6
+FORCES = np.array([4e-3, 2e-3]), np.array([0.05, 0.02]), 0.3
+
+
+def _model():
+    A, Q = transitions(VALUES, H, *FORCES)
+    start = np.array([RHO, 0.0, RHO, 0.0, *(FORCES[1] ** 2), 0.0, 0.0])
+    return A, Q, start
+
+
+def _covariance(A, Q, start, n):
+    """Covariance of stacked readings (x1, x2) of n blocks, from the states' own recursion."""
+    P, blocks = np.diag(start), []
+    for _ in range(n):
+        P = A @ P @ A.T + Q
+        blocks.append(P)
+    C = np.eye(STATES)[[0, 2]]
+    found = np.zeros((2 * n, 2 * n))
+    for i in range(n):
+        across = blocks[i]
+        for j in range(i, n):
+            block = C @ across @ C.T
+            found[2 * i : 2 * i + 2, 2 * j : 2 * j + 2] = block
+            found[2 * j : 2 * j + 2, 2 * i : 2 * i + 2] = block.T
+            across = across @ A.T
+    return found + RHO * np.eye(2 * n)
+
+
+def test_innovations_have_the_likelihood_of_the_dense_normal_distribution():
+    A, Q, start = _model()
+    n, rng = 30, np.random.default_rng(0)
+    covariance = _covariance(A[0], Q[0], start, n)
+    y = rng.multivariate_normal(np.zeros(2 * n), covariance)
+    rows = np.ascontiguousarray(y.reshape(n, 2).T[..., None])
+    mode, valid = np.zeros(n, dtype=np.int64), np.ones((2, n), dtype=bool)
+    white, logarithm = whitened(A, Q, mode, start, np.full(2, RHO), rows, valid)
+    own = -0.5 * (np.sum(white**2) + logarithm + 2 * n * np.log(2.0 * np.pi))
+    assert own == pytest.approx(multivariate_normal(np.zeros(2 * n), covariance).logpdf(y), rel=1e-9)
+
+
+def test_the_settled_filter_whitens_a_long_run():
+    A, Q, start = _model()
+    n, rng = 4000, np.random.default_rng(1)
+    z, rows = np.zeros(STATES), np.zeros((2, n, 1))
+    root = np.linalg.cholesky(Q[0] + 1e-18 * np.eye(STATES))
+    for i in range(n):
+        z = A[0] @ z + root @ rng.normal(size=STATES)
+        rows[:, i, 0] = z[[0, 2]] + np.sqrt(RHO) * rng.normal(size=2)
+    mode, valid = np.zeros(n, dtype=np.int64), np.ones((2, n), dtype=bool)
+    white, _ = whitened(A, Q, mode, start, np.full(2, RHO), rows, valid)
+    for w in white[..., 0]:
+        assert np.std(w) == pytest.approx(1.0, abs=0.05)
+        assert abs(np.corrcoef(w[1:], w[:-1])[0, 1]) < 0.05
+
+
+def test_lost_samples_leave_an_unknown_offset():
+    A, Q, start = _model()
+    n = 400
+    mode, valid = np.zeros(n, dtype=np.int64), np.ones((2, n), dtype=bool)
+    valid[1, 100:120] = False
+    step = np.zeros((2, n, 1))
+    step[1, 120:] = 25.0
+    white, _ = whitened(A, Q, mode, start, np.full(2, RHO), step, valid)
+    # 25 mm lost are no motion
+    assert np.max(np.abs(white)) < 3.0
+
+
+def test_a_cart_at_rest_neither_moves_nor_pulls():
+    A, _, _ = _model()
+    z = np.array([1.0, 0.0, 0.0, 0.0, 0.1, 0.1, 0.0, 0.0])
+    after = A[3] @ z
+    assert after[:4] == pytest.approx(z[:4], abs=1e-12)
