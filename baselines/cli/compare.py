@@ -98,6 +98,8 @@ def compare(
     limit: Annotated[
         float | None,
         typer.Option(
+            min=0.0,
+            max=1e9,
             callback=positive,
             help="Of the command [V, or the rig's]; never more than the drive's own. Default: 8 V, or what the rig's recordings "
             "reached.",
@@ -105,7 +107,12 @@ def compare(
     ] = None,
     tolerance: Annotated[
         float | None,
-        typer.Option(callback=positive, help="For settling and success [mm, or the rig's]; default: 2 mm in 50."),
+        typer.Option(
+            min=0.0,
+            max=1e9,
+            callback=positive,
+            help="For settling and success [mm, or the rig's]; default: 2 in 50 mm.",
+        ),
     ] = None,
     empirical: Annotated[bool, typer.Option(help="Also find margins by trial.")] = True,
     seed: Annotated[int, typer.Option(min=0, max=MOST_SEED, help="Of the draws.")] = 0,

@@ -9,7 +9,6 @@ import typer
 
 from baselines.cli._command import positive
 from baselines.cli._output import DriveFile, Json, number, print_json, say, table
-from flexdrive_gym.units import in_rig_units
 
 if TYPE_CHECKING:
     from baselines.controllers.loop_shaping import Lab4
@@ -29,6 +28,8 @@ def design(
     limit: Annotated[
         list[float] | None,
         typer.Option(
+            min=0.0,
+            max=1e9,
             callback=positive,
             help="Command limit of the tracking runs [V, or the rig's]; repeatable; default: 4 and 8 V, or half and all of what "
             "the rig's recordings reached.",
@@ -80,6 +81,8 @@ def _values(values: Lab4, units: Units) -> dict[str, tuple[float, str]]:
 
 
 def _as_json(engine: Lab4Study, units: Units) -> dict[str, object]:
+    from flexdrive_gym.units import in_rig_units  # noqa: PLC0415
+
     by_hand, refined, study = (
         _values(engine.by_hand, units),
         _values(engine.refined, units),
@@ -118,6 +121,7 @@ def _print(engine: Lab4Study, units: Units) -> None:
     from baselines.compare.tables import LINEAR  # noqa: PLC0415
     from baselines.evaluation.metrics import TOLERANCE_MM  # noqa: PLC0415
     from baselines.lab.lab4_study import DISTURBANCE_V, STEP_MM, verdict  # noqa: PLC0415
+    from flexdrive_gym.units import in_rig_units  # noqa: PLC0415
 
     hand, refined, study = _values(engine.by_hand, units), _values(engine.refined, units), in_rig_units(engine, units)
     pushed = units.text(DISTURBANCE_V, "V")

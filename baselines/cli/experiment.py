@@ -18,6 +18,8 @@ def experiment(
     square: Annotated[
         list[float] | None,
         typer.Option(
+            min=0.0,
+            max=1e9,
             callback=positive,
             help="Amplitude of a square [V, or the rig's]; repeatable; default: 1.5 and 2 V, or 60 % and 80 % of what another "
             "rig's recordings reached.",
@@ -26,6 +28,8 @@ def experiment(
     sine: Annotated[
         float | None,
         typer.Option(
+            min=0.0,
+            max=1e9,
             callback=positive,
             help="Amplitude of the sines [V, or the rig's]; default: 2.5 V, or what another rig's recordings reached.",
         ),
