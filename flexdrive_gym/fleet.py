@@ -47,10 +47,9 @@ def counts_references() -> bool:
     if sys.implementation.name != "cpython" or not getattr(sys, "_is_gil_enabled", lambda: True)():
         return False
     array, info = np.zeros(2), dict.fromkeys(KEYS)
-    counts = [(getrefcount(array), getrefcount(info))]
-    kept: list[Any] = []
-    for one, other in ((array, info), (array[1:], (info,)), (memoryview(array), lambda: info)):
-        kept += [one, other]
+    counts, kept = [(getrefcount(array), getrefcount(info))], []
+    for keep in (lambda x: x, lambda x: (x,), lambda x: memoryview(x) if x.__class__ is np.ndarray else {0: x}):
+        kept.append((keep(array), keep(info)))
         counts.append((getrefcount(array), getrefcount(info)))
     return all(after > before for pair, then in pairwise(counts) for before, after in zip(pair, then, strict=True))
 

@@ -4,12 +4,15 @@ import queue
 import threading
 from collections import deque
 from functools import partial
+from importlib import import_module
+from importlib.util import find_spec
 
 import gymnasium
 import numpy as np
 import pytest
 
 from flexdrive_gym import environment, fleet
+from tests.each import each
 
 ID = "FlexDrive-NonCollocated-v0"
 STEPS = 40
@@ -23,11 +26,6 @@ class CopyOnWrite(gymnasium.Wrapper):
         return observation, reward, terminated, truncated, {**info, "mine": 1} if info["u"] > 0.2 else info
 
 
-def as_tensor(observation):
-    torch = pytest.importorskip("torch")
-    return torch.from_numpy(observation)
-
-
 ARRAYS = {
     "itself": lambda o: o,
     "a view": lambda o: o[1:],
@@ -36,15 +34,16 @@ ARRAYS = {
     "a reinterpreted view": lambda o: o.view(np.uint32),
     "memoryview": memoryview,
     "its buffer": lambda o: np.frombuffer(o.data, np.float32),
-    "torch": as_tensor,
 }
+if find_spec("torch"):  # Python 3.12 and 3.13 are tried without
+    ARRAYS["torch"] = lambda o: import_module("torch").from_numpy(o)
 
 
 def bits(kept):
     return np.asarray(kept).tobytes()
 
 
-@pytest.mark.parametrize("route", ARRAYS)
+@each("route", ARRAYS)
 @pytest.mark.parametrize("num_envs", [0, 3, 300])
 def test_observations(route, num_envs):
     batch = {"num_envs": num_envs, "vectorization_mode": "vector_entry_point"}
@@ -146,7 +145,7 @@ ROUTES = {
 }
 
 
-@pytest.mark.parametrize("route", ROUTES)
+@each("route", ROUTES)
 @pytest.mark.parametrize("wrapped", [False, True], ids=["bare", "copy on write"])
 def test_infos_that_nobody_has_read_yet(route, wrapped):
     """Each is read only after all steps, and tells of its own step what another environment told at once."""
