@@ -1,6 +1,6 @@
 """How often a diagnosis finds physics where there is none.
 
-``python -m benchmarks false_alarms [--draws 100] [--jobs 2]`` simulates lab days of a drive without left-out physics, but as
+``python -m benchmarks false_alarms [--draws 100] [--jobs 2]`` simulates data sets of a drive without left-out physics, but as
 restless as a real rig: the free fit of ``mte360_2022`` where its recordings are beside the repository, else the drive of the
 bundled sample's size; with the nuisance forces of :mod:`identification.mismatch.chance`, scaled to the real floor, and
 encoder counts. Every draw is kept in the cache directory under the digest of the code, so an interrupted run goes on where it
@@ -83,7 +83,7 @@ def one(values: dict[str, float], draw: int, path: Path) -> None:
 
 
 def null_day(values: dict[str, float], seed: int) -> list[Recording]:
-    """A lab day of open-loop runs with nuisance and encoder counts, and nothing left out."""
+    """A data set of open-loop runs with nuisance and encoder counts, and nothing left out."""
     drive = Drive(values)
     kinds = [("square", a, 0.5) for a in (1.5, 1.5, 2.0, 2.0)] + [("sine", 2.5, f) for f in FREQUENCIES_HZ]
     quiet = [replace(open_loop(drive, *kind), name=f"{i:02d} {kind[0]}") for i, kind in enumerate(kinds)]  # type: ignore[arg-type]

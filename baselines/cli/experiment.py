@@ -69,6 +69,8 @@ def experiment(
     square: Annotated[
         list[float] | None,
         typer.Option(
+            min=0.0,
+            max=1e9,
             callback=positive,
             help="Amplitude of a square [V, or the rig's]; repeatable; default: 1.5 and 2 V, or 60 % and 80 % of what another "
             "rig's recordings reached.",
@@ -77,6 +79,8 @@ def experiment(
     sine: Annotated[
         float | None,
         typer.Option(
+            min=0.0,
+            max=1e9,
             callback=positive,
             help="Amplitude of the sines [V, or the rig's]; default: 2.5 V, or what another rig's recordings reached.",
         ),
@@ -106,7 +110,7 @@ def experiment(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Run the in-lab day 2.1-2.6 on a rig, simulated by default; write recordings in the rig's format and units.
+    """Run the in-lab session 2.1-2.6 on a rig, simulated by default; write recordings in the rig's format and units.
 
     A rig with units of its own gets a rig.toml beside them, by which they are read back: --rig rig.toml.
     """

@@ -19,23 +19,30 @@ def headline(comparison: Comparison) -> list[str]:
             f"Least tracking error among those that settle within {tolerance} in every dwell: {best.entry.name}, "
             f"{units.text(best.nominal.rms, 'mm', 3)} rms, {units.text(best.nominal.peak, 'mm', 3)} peak."
         )
-        failed = [r.entry.name for r in ranked if not r.nominal.success]
+        failed = sum(not r.nominal.success for r in ranked)
         if failed:
-            said.append(f"Do not settle on the identified drive: {', '.join(failed)}.")
+            said.append(f"{failed} of {len(ranked)} do not settle in every dwell on the identified drive.")
     else:
         said.append(f"No controller settles within {tolerance} in every dwell.")
     # alike on every draw: then the draws say nothing of who is more robust
-    drawn = [r for r in comparison.results if r.draws is not None and r.nominal.success]
+    drawn = [r for r in ranked if r.draws is not None and r.nominal.success]
     fragile = [r for r in drawn if r.draws is not None and r.draws.value < 1.0]
     if drawn and not fragile:
         said.append("Every controller that settles on the identified drive settles on all drawn drives.")
-    said += [
-        f"{r.entry.name} settles on {r.draws.value:.1%} of the drawn drives." for r in fragile if r.draws is not None
-    ]
-    for r in comparison.results:
-        lost = [name for name, m in r.effects.items() if not m.stable]
-        if lost:
-            said.append(f"{r.entry.name} becomes unstable with: {'; '.join(lost)}.")
+    elif fragile:
+        least = min(fragile, key=lambda r: r.draws.value if r.draws is not None else 1.0)
+        assert least.draws is not None
+        said.append(
+            f"{len(drawn) - len(fragile)} of the {len(drawn)} that settle do so on every drawn drive; {least.entry.name} "
+            f"on {least.draws.value:.1%} of them."
+        )
+    lost = {r.entry.name: sum(not m.stable for m in r.effects.values()) for r in ranked}
+    worst = max(lost, key=lambda name: lost[name])
+    if lost[worst]:
+        said.append(
+            f"{sum(n > 0 for n in lost.values())} become unstable with some left-out effect, {worst} with {lost[worst]} of "
+            f"{len(best.effects)}."
+        )
     off = [
         max(abs(e.gain_margin / m.gain_margin - 1.0), abs(e.delay_margin / m.delay_margin - 1.0))
         for r in comparison.results

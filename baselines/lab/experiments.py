@@ -1,4 +1,4 @@
-"""The in-lab day, 2.1-2.6 of the handout, on a simulated drive, or on whatever bench they can be made on."""
+"""The in-lab session, 2.1-2.6 of the handout, on a simulated drive, or on whatever bench they can be made on."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ def build_report(
     Parameters
     ----------
     recordings
-        A lab day.
+        A data set.
     title
         Heading of the page.
     diagnosis

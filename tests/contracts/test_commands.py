@@ -16,6 +16,7 @@ from flexdrive_gym import Drive, load_drive, save_drive
 from identification import write_recording
 from tests.baselines.public_data.stand_ins import lose, write_carriage
 from tests.drive.drives import RIG
+from tests.each import each
 from tests.identification.mismatch.lab import SHORT, T, short_day
 
 COMMANDS = [command.callback.__name__ for command in app.registered_commands]
@@ -61,14 +62,14 @@ def test_the_contract_names_every_command():
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@each("command", COMMANDS)
 def test_help(command):
     result = flexdrive(command, "--help")
     assert result.returncode == 0
     assert "--json" in result.stdout
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@each("command", COMMANDS)
 def test_wrong_usage_exits_2(command):
     assert flexdrive(command, "--no-such-option").returncode == 2
 

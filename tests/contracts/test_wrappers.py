@@ -7,6 +7,7 @@ from gymnasium import wrappers
 from gymnasium.wrappers import vector as vector_wrappers
 
 import flexdrive_gym  # noqa: F401  (registers the environments)
+from tests.each import each
 
 IDS = [f"FlexDrive-{name}-v0" for name in ("Collocated", "NonCollocated", "FullState")]
 SHORT = {"duration": 0.05}
@@ -45,7 +46,7 @@ def test_record_video_of_a_batch(tmp_path):
     assert len(list((tmp_path / "video").glob("*.mp4"))) == 1
 
 
-@pytest.mark.parametrize("name", IDS)
+@each("name", IDS)
 def test_record_episode_statistics(name):
     steps, info = episode(wrappers.RecordEpisodeStatistics(gymnasium.make(name, **SHORT)))
     assert info["episode"]["l"] == steps == 10
@@ -57,14 +58,14 @@ def test_record_episode_statistics(name):
     assert info["episode"]["l"].tolist() == [10, 10]
 
 
-@pytest.mark.parametrize("name", IDS)
+@each("name", IDS)
 def test_frame_stack(name):
     env = wrappers.FrameStackObservation(gymnasium.make(name, **SHORT), 3)
     assert env.observation_space.contains(env.reset(seed=0)[0])
     assert episode(env)[0] == 10
 
 
-@pytest.mark.parametrize("name", IDS)
+@each("name", IDS)
 def test_normalised_observations(name):
     env = wrappers.NormalizeObservation(gymnasium.make(name, **SHORT))
     assert episode(env)[0] == 10

@@ -12,6 +12,7 @@ from baselines.public_data.plot import draw_ladder
 from baselines.public_data.run import AVERAGE
 from flexdrive_gym import Fault
 from tests.baselines.public_data.stand_ins import CARRIAGE, lose, write_belt, write_carriage, write_oscillator
+from tests.each import each
 
 REAL = Path(__file__).parents[4] / "shared" / "recordings"
 
@@ -147,14 +148,14 @@ def test_the_command_knows_every_benchmark():
     assert {name.value for name in Name} == set(BENCHMARKS)
 
 
-@pytest.mark.parametrize("name", sorted(BENCHMARKS))
+@each("name", sorted(BENCHMARKS))
 def test_published_rows_have_a_figure_per_column(name):
     benchmark = BENCHMARKS[name]
     assert all(len(p.figures) == len(benchmark.columns) for p in benchmark.published)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
+@each(
     ("name", "most", "named"),
     [
         ("emps", 5.53, {"coulomb_friction@cart_1"}),

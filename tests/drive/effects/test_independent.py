@@ -1,11 +1,11 @@
 """Every kind of effect against an integration that shares no code with the package."""
 
 import numpy as np
-import pytest
 
 from tests.drive.drives import RIG
 from tests.drive.effects.reference import Masses
 from tests.drive.effects.runs import instants, states
+from tests.each import each
 
 T = instants(1.2)
 U = 1.3 * np.where(T % 0.6 < 0.3, 1.0, -1.0) + 0.4 * np.sin(2 * np.pi * 7 * T)
@@ -163,7 +163,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("name", CASES)
+@each("name", CASES)
 def test_agrees_with_event_driven_integration_at_one_millisecond(name):
     values, functions, tolerance = CASES[name]
     expected = np.zeros((4, len(T)))

@@ -8,6 +8,7 @@ from flexdrive_gym.drive import kernels, parameters
 from flexdrive_gym.drive.sample import WORK_SPACE
 from tests.drive.drives import RIG
 from tests.drive.effects.runs import H, instants
+from tests.each import each
 
 T = instants(2.0)
 U = 2.0 * np.where(T % 0.8 < 0.4, 1.0, -1.0) + 0.5 * np.sin(2 * np.pi * 5 * T)
@@ -33,7 +34,7 @@ SENSORS = [
 ]
 
 
-@pytest.mark.parametrize("values", SENSORS)
+@each("values", SENSORS)
 def test_sensors_do_not_touch_the_physics(values):
     assert np.allclose(replay({**RIG, **values}, U)[1], replay(RIG, U)[1], atol=1e-9)
 
@@ -64,7 +65,7 @@ def test_scale_and_eccentricity_in_the_documented_order():
     assert np.allclose(readings[1] / 0.01, np.rint(readings[1] / 0.01), atol=1e-6)
 
 
-@pytest.mark.parametrize("tau", [0.4e-3, 2e-3, 3.7e-3])
+@each("tau", [0.4e-3, 2e-3, 3.7e-3])
 def test_a_late_channel_reads_the_past(tau):
     readings, states = replay({**RIG, "encoder_delay.encoder_2.tau": tau}, U)
     late = np.interp(T - tau, T, states[2], left=0.0)
