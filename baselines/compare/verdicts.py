@@ -64,7 +64,8 @@ def _standing(name: str, pairs: Sequence[Improvement]) -> list[str]:
     open_ = [i.classical for i in pairs if i.rms.low <= 0.5 <= i.rms.high]
     said = []
     if wins:
-        said.append(f"On the same drives {name} tracks better than {', '.join(wins)}.")
+        better = ", ".join(wins) if len(wins) <= _NAMED else f"{len(wins)} of {len(pairs)} designs"
+        said.append(f"On the same drives {name} tracks better than {better}.")
     if losses:
         said.append(f"It loses against {', '.join(losses)}.")
     if open_:
