@@ -48,7 +48,7 @@ def counts_references() -> bool:
         return False
     array, info = np.zeros(2), dict.fromkeys(KEYS)
     counts, kept = [(getrefcount(array), getrefcount(info))], []
-    for keep in (lambda x: x, lambda x: (x,), lambda x: memoryview(x) if x.__class__ is np.ndarray else {0: x}):
+    for keep in (lambda x: x, lambda x: (x,), lambda x: x.data if x.__class__ is np.ndarray else {0: x}):
         kept.append((keep(array), keep(info)))
         counts.append((getrefcount(array), getrefcount(info)))
     return all(after > before for pair, then in pairwise(counts) for before, after in zip(pair, then, strict=True))

@@ -14,7 +14,7 @@ import numpy as np
 from baselines.rig.protocol import Description, Limits, Reading, Rig, RigStopped
 from baselines.rig.timing import Timing
 from flexdrive_gym import Observation, Recording
-from flexdrive_gym.drive.simulate import command_of
+from flexdrive_gym.drive.controller import command_of
 from flexdrive_gym.recording import FloatArray
 
 # |u| counts as resting against the limit from here on
