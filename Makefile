@@ -30,7 +30,7 @@ lab: $(READY)
 	$(BIN)/flexdrive lab $(RECORDINGS)
 
 test: $(READY)
-	$(BIN)/python -m pytest -m 'not slow' -n auto --dist loadfile
+	$(BIN)/python -m pytest -m 'not slow and not docs' -n auto --dist loadfile
 
 # the documentation as one site: site/index.html, which opens without a server
 docs: $(READY)

@@ -32,10 +32,17 @@ def commands() -> int:
     return 4
 
 
+def known_without_an_import() -> None:
+    lines = (
+        "import gymnasium, sys; gymnasium.spec('FlexDrive-NonCollocated-v0'); assert 'flexdrive_gym' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-W", "error", "-c", lines], check=True)
+
+
 def environments() -> int:
     import gymnasium
 
-    import flexdrive_gym  # registers them
+    import flexdrive_gym
     from baselines.rl.agents import find_agent
 
     steps = 0
@@ -55,6 +62,7 @@ def main() -> None:
     version = flexdrive("--version").strip()
     assert "unknown" not in version, version
     assert "Usage" in flexdrive("--help")
+    known_without_an_import()
     if "--quick" in sys.argv:
         print(version)
         return

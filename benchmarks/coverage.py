@@ -1,6 +1,6 @@
 """Round trip: simulate, identify, and count how often the truth lies inside the 95 % intervals.
 
-Every draw is a new drive with a new lab day of four squares and fourteen sines, encoder counts and raw-difference
+Every draw is a new drive with a new data set of four squares and fourteen sines, encoder counts and raw-difference
 velocities. Either all that disturbs it is a coloured force that the recorded command does not show, or it is a day of the
 concealed trial on which nothing is left out: a rough track, and friction that differs from run to run and wanders.
 """

@@ -1,4 +1,4 @@
-"""What the diagnosis says of the real rigs and of the fourteen blind lab days.
+"""What the diagnosis says of the real rigs and of the fourteen blind data sets.
 
 ``python -m benchmarks diagnosis [DATA SET ...]`` looks for them in ``../shared/recordings`` beside the repository.
 """

@@ -1,4 +1,4 @@
-"""PPO, SAC and TQC on the same task with the same wall-clock time on one core: error on references kept away over time.
+"""PPO, SAC and TQC on the same task with the same wall-clock time on one core: error on references held out over time.
 
 ``python -m benchmarks learners [SECONDS]``. All see the same features and begin as the same P-control; each has the number of
 drives that suits it. Needs sb3-contrib for TQC.
@@ -80,7 +80,7 @@ def main() -> None:
         print("TQC left out: pip install sb3-contrib")
     else:
         kinds["TQC"] = TQC
-    print(f"rms e on references kept away [mm] against seconds of wall clock, {seconds:g} s each, one core, seed 0")
+    print(f"rms e on references held out [mm] against seconds of wall clock, {seconds:g} s each, one core, seed 0")
     for name, kind in kinds.items():
         plan = Plan() if kind is None else Plan(envs=int(OFF_POLICY["drives"]))
         env = training_drives(DEFAULT_DRIVE, plan)

@@ -1,14 +1,14 @@
 """The two-mass flexible drive: its physics, recordings of it, and Gymnasium environments."""
 
-import gymnasium
-
+from flexdrive_gym.drive.controller import Controller, Observation
 from flexdrive_gym.drive.default import DEFAULT_DRIVE
 from flexdrive_gym.drive.drive import Covariance, Drive, Provenance
 from flexdrive_gym.drive.linear import LinearDrive
 from flexdrive_gym.drive.linear_controller import LinearController
-from flexdrive_gym.drive.simulate import Controller, Observation, PControl
+from flexdrive_gym.drive.p_control import PControl
 from flexdrive_gym.drive.toml import load_drive, save_drive
 from flexdrive_gym.recording import Excitation, Fault, Recording
+from flexdrive_gym.registration import register
 from flexdrive_gym.version import __version__
 
 __all__ = [
@@ -29,14 +29,4 @@ __all__ = [
     "save_drive",
 ]
 
-# The environment keeps its own time limit and order of calls, so the wrappers that gymnasium.make adds by default would cost
-# more than the physics and find nothing.
-for _name, _sensing in (("Collocated", "collocated"), ("NonCollocated", "non_collocated"), ("FullState", "full_state")):
-    gymnasium.register(
-        id=f"FlexDrive-{_name}-v0",
-        entry_point="flexdrive_gym.environment:FlexDriveEnv",
-        vector_entry_point="flexdrive_gym.vector:FlexDriveVectorEnv",
-        order_enforce=False,
-        disable_env_checker=True,
-        kwargs={"sensing": _sensing},
-    )
+register()

@@ -17,7 +17,7 @@ from gymnasium import spaces
 from flexdrive_gym.drive.compilation import compiled_before
 from flexdrive_gym.drive.drive import Drive
 from flexdrive_gym.drive.linear import LinearDrive
-from flexdrive_gym.fleet import MOST_SPARE, Fleet, Outputs
+from flexdrive_gym.fleet import MOST_SPARE, NEVER, Fleet, Outputs, counts_references
 from flexdrive_gym.info import Unread, unread
 from flexdrive_gym.task import Task, check_arguments, start_state
 
@@ -128,6 +128,8 @@ class FlexDriveEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         slot = self._new_slot()
         # how often a slot's things are referred to while the caller has none of them
         self._idle, self._idle_info = getrefcount(slot.observation), getrefcount(slot.info)
+        if not counts_references():
+            self._idle = NEVER
         self._renderer: Renderer | None = None
         self._seeded = False
         self._await("before the first step")

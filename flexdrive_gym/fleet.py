@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from collections import deque
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from itertools import pairwise
 from math import ceil, isfinite, sqrt
 from sys import getrefcount
@@ -29,8 +31,27 @@ TERMS = ("tracking", "effort", "rate", "failure")
 KEYS = (*INFO, *(f"reward_{name}" for name in TERMS))
 OUTPUTS = ("observation", "reward", "terminated", "truncated")
 MOST_SPARE = 4
+# a count that nothing has
+NEVER = -1
 # what a fleet's future depends on, beside its task
 KEPT = ("actions", "state", "clock", "seeds", "p", "begin", "memory", "tables", "lanes", "told", "line")
+
+
+@cache
+def counts_references() -> bool:
+    """Whether this interpreter counts every reference at once, so that what nobody refers to may be used again.
+
+    CPython does, with its global lock; without it, or in another interpreter, nothing is used again, which takes time but is
+    never wrong. ``tests/environment/test_kept.py`` holds the environments to it by every route that was thought of.
+    """
+    if sys.implementation.name != "cpython" or not getattr(sys, "_is_gil_enabled", lambda: True)():
+        return False
+    array, info = np.zeros(2), dict.fromkeys(KEYS)
+    counts, kept = [(getrefcount(array), getrefcount(info))], []
+    for keep in (lambda x: x, lambda x: (x,), lambda x: x.data if x.__class__ is np.ndarray else {0: x}):
+        kept.append((keep(array), keep(info)))
+        counts.append((getrefcount(array), getrefcount(info)))
+    return all(after > before for pair, then in pairwise(counts) for before, after in zip(pair, then, strict=True))
 
 
 class Outputs:
@@ -99,65 +120,17 @@ class Fleet:
     def __init__(self, task: Task, n: int, threads: int = 1, *, tells: bool = True) -> None:
         self.task, self.n = task, n
         drawn, rig, entries = task.randomisation, task.rig, task.names()
-        models = n if drawn.names else 1
         full = parameters.workspace(rig.values) is not None or any(not _is_base(name) for name in drawn.names)
         delayed = rig["input_delay.tau"] > 0.0 or "input_delay.tau" in drawn.names
         self.one_by_one = full or delayed
         limits = np.array([b for _name, _unit, b in entries])
-        self.actions = np.zeros(n)
-        strips = ceil(n / layout.LANES)
-        self._state = np.zeros((strips, layout.STATE_ROWS, layout.ROW))
-        self._told = np.zeros((strips, layout.TOLD_ROWS, layout.ROW))
-        self.clock = np.zeros(n, dtype=np.int64)
-        self.seeds = np.zeros(n, dtype=np.uint64)
-        vector = rig.vector()
-        self.p = np.tile(vector if full else vector[:N_BASE_PARAMETERS], (models, 1))
-        self.z = np.zeros((n, WORKSPACE)) if full else None
         self.bound = (np.ones(len(entries)) if task.normalise else limits).astype(np.float32)
-        scale = 1.0 / limits if task.normalise else np.ones(len(entries))
-        # the space's bounds are single precision: clip to what they are
-        bound = self.bound.astype(np.float64)
-        alone = n if self.one_by_one else 0
-        self.arrays: dict[str, npt.NDArray[Any]] = {
-            "actions": self.actions,
-            "task": _constants(task),
-            "state": self._state,
-            "told": self._told,
-            "clock": self.clock,
-            "begin": np.zeros(n, dtype=np.int64),
-            "seeds": self.seeds,
-            "p": self.p,
-            "lanes": np.zeros((strips if drawn.names else 1, layout.PARAMETER_ROWS, layout.ROW)),
-            "tables": np.zeros((min(alone, models), lanes.TABLE_COLUMNS)),
-            "memory": np.zeros((alone, MEMORY)),
-            "lookup": _lookup(task, scale, bound),
-            "scale": scale,
-            "bound": bound,
-            "nominal": np.array([rig[name] for name in drawn.names]),
-            "which": np.array([parameters.index(name) for name in drawn.names], dtype=np.int64),
-            "inverse": np.array([name in parameters.MASS_PARAMETERS for name in drawn.names], dtype=np.int64),
-            "lowest": drawn.low,
-            "highest": drawn.high,
-            "factor": drawn.factor,
-            "line": np.zeros((n, task.late, 4)),
-        }
-        number, short = leaps(task)
-        sizes = {
-            layout.DRIVES: n,
-            layout.SENSING: SENSINGS[task.sensing],
-            layout.SUBSTEPS: task.substeps,
-            layout.LEAPS: number,
-            layout.SHORT: int(short),
-            layout.ENTRIES: len(entries),
-            layout.PREVIEWS: len(task.ahead),
-            layout.SAMPLES: self.arrays["lookup"].shape[1],
-            layout.REFERENCES: task.references.shape[0],
-            layout.ONE_BY_ONE: int(self.one_by_one),
-            layout.DRAWN: len(drawn.names),
-            layout.JOINT: int(drawn.factor.size > 0),
-            layout.LATE: task.late,
-            layout.TELLS: int(tells),
-        }
+        self.z = np.zeros((n, WORKSPACE)) if full else None
+        self.arrays = self._arrays(full, 1.0 / limits if task.normalise else np.ones(len(entries)))
+        self.actions, self.clock, self.seeds, self.p, self._state, self._told = (
+            self.arrays[name] for name in ("actions", "clock", "seeds", "p", "state", "told")
+        )
+        sizes = self._sizes(tells=tells)
         self._everyone = np.arange(n)
         useful = max(1, min(threads, n // LEAST_PER_THREAD))
         self._parts, self._work = self._divide(sizes, useful * SHARES if useful > 1 else 1)
@@ -167,7 +140,7 @@ class Fleet:
         self.outputs = self.new_outputs()
         for address in self.outputs.addresses:
             kernels.prepare_fleet(address)
-        self._unreferenced = self.outputs.references()
+        self._unreferenced = self.outputs.references() if counts_references() else NEVER
         self._spare = [self.outputs]
         self.kernel = entry(kernels.step_single if n == 1 else kernels.step_fleet, 0, self.z)
 
@@ -282,6 +255,57 @@ class Fleet:
         # whoever keeps what it gets will not give it back: forget the oldest
         self._spare = [fresh, *self._spare[: MOST_SPARE - 1]]
         return fresh
+
+    def _arrays(self, full: bool, scale: FloatArray) -> dict[str, npt.NDArray[Any]]:
+        """Return what the kernels read and write, beside outputs and work spaces, by the names of the layout."""
+        task, n, drawn, rig = self.task, self.n, self.task.randomisation, self.task.rig
+        models, strips, alone = n if drawn.names else 1, ceil(n / layout.LANES), n if self.one_by_one else 0
+        # the space's bounds are single precision: clip to what they are
+        bound, vector = self.bound.astype(np.float64), rig.vector()
+        return {
+            "actions": np.zeros(n),
+            "task": _constants(task),
+            "state": np.zeros((strips, layout.STATE_ROWS, layout.ROW)),
+            "told": np.zeros((strips, layout.TOLD_ROWS, layout.ROW)),
+            "clock": np.zeros(n, dtype=np.int64),
+            "begin": np.zeros(n, dtype=np.int64),
+            "seeds": np.zeros(n, dtype=np.uint64),
+            "p": np.tile(vector if full else vector[:N_BASE_PARAMETERS], (models, 1)),
+            "lanes": np.zeros((strips if drawn.names else 1, layout.PARAMETER_ROWS, layout.ROW)),
+            "tables": np.zeros((min(alone, models), lanes.TABLE_COLUMNS)),
+            "memory": np.zeros((alone, MEMORY)),
+            "lookup": _lookup(task, scale, bound),
+            "scale": scale,
+            "bound": bound,
+            "nominal": np.array([rig[name] for name in drawn.names]),
+            "which": np.array([parameters.index(name) for name in drawn.names], dtype=np.int64),
+            "inverse": np.array([name in parameters.MASS_PARAMETERS for name in drawn.names], dtype=np.int64),
+            "lowest": drawn.low,
+            "highest": drawn.high,
+            "factor": drawn.factor,
+            "line": np.zeros((n, task.late, 4)),
+        }
+
+    def _sizes(self, *, tells: bool) -> dict[int, int]:
+        """Return the block's entries that all shares of the work have in common."""
+        task, drawn = self.task, self.task.randomisation
+        number, short = leaps(task)
+        return {
+            layout.DRIVES: self.n,
+            layout.SENSING: SENSINGS[task.sensing],
+            layout.SUBSTEPS: task.substeps,
+            layout.LEAPS: number,
+            layout.SHORT: int(short),
+            layout.ENTRIES: len(self.bound),
+            layout.PREVIEWS: len(task.ahead),
+            layout.SAMPLES: self.arrays["lookup"].shape[1],
+            layout.REFERENCES: task.references.shape[0],
+            layout.ONE_BY_ONE: int(self.one_by_one),
+            layout.DRAWN: len(drawn.names),
+            layout.JOINT: int(drawn.factor.size > 0),
+            layout.LATE: task.late,
+            layout.TELLS: int(tells),
+        }
 
     def _divide(self, sizes: dict[int, int], parts: int) -> tuple[list[npt.NDArray[np.int64]], list[Any]]:
         """Return a block per share of the work, and the work spaces that belong to them."""

@@ -143,11 +143,12 @@ class Task:
         if self.duration < self.control_period:
             raise ValueError(f"duration: must be at least one control period; got {self.duration:g} s.")
         given: Any = self.preview
-        if isinstance(given, str) or not isinstance(given, Iterable):
+        single = isinstance(given, str | bytes | Mapping) or not isinstance(given, Iterable)
+        if single or (isinstance(given, np.ndarray) and given.ndim != 1):
             raise TypeError(
-                f"preview: must be a list of times ahead [s]; got {self.preview!r}. Try preview=(0.02, 0.05)."
+                f"preview: must be a list of times ahead [s], () for none; got {given!r}. Try preview=(0.02, 0.05)."
             )
-        object.__setattr__(self, "preview", tuple(self.preview))
+        object.__setattr__(self, "preview", tuple(given))
         if not all(_is_number(a) and 0.0 <= a <= 10.0 for a in self.preview):
             raise ValueError(f"preview: must be times ahead between 0 and 10 s; got {self.preview!r}.")
         object.__setattr__(self, "rig", self._rig())
@@ -251,7 +252,8 @@ class Task:
         names = tuple(ranges)
         for name, bounds in ranges.items():
             spec = _specification("randomise", name)
-            pair = isinstance(bounds, tuple | list | np.ndarray) and len(bounds) == 2 and all(map(_is_number, bounds))
+            listed = isinstance(bounds, tuple | list) or (isinstance(bounds, np.ndarray) and bounds.ndim == 1)
+            pair = listed and len(bounds) == 2 and all(map(_is_number, bounds))
             if not pair or not spec.lower <= bounds[0] <= bounds[1] <= spec.upper:
                 raise ValueError(
                     f"randomise: {name} must be (low, high) within [{spec.lower:g}, {spec.upper:g}] {spec.unit}; got {bounds!r}."

@@ -20,6 +20,7 @@ from flexdrive_gym.references import (
     sample_reference,
     step,
 )
+from tests.each import each
 
 T = np.arange(4001) * 1e-3
 
@@ -43,7 +44,7 @@ def derivatives(x, h):
     return [float(np.abs(np.diff(x, n)).max() / h**n) for n in (1, 2, 3)]
 
 
-@pytest.mark.parametrize("move", MOVES.values(), ids=MOVES)
+@each("move", MOVES.values(), ids=MOVES)
 def test_s_curve_keeps_within_its_limits(move):
     h = 5e-3  # long enough that round-off in a third difference stays below 1e-9 of the jerk
     x = s_curve(np.arange(-20, 2400) * h, *move)
@@ -51,7 +52,7 @@ def test_s_curve_keeps_within_its_limits(move):
         assert found <= limit * (1.0 + 1e-9)
 
 
-@pytest.mark.parametrize("move", MOVES.values(), ids=MOVES)
+@each("move", MOVES.values(), ids=MOVES)
 def test_s_curve_starts_at_zero_ends_exactly_and_never_turns_back(move):
     x = s_curve(np.linspace(-1.0, 12.0, 50_001), *move)
     assert x[0] == 0.0
@@ -207,7 +208,7 @@ def test_a_name_with_keywords():
     np.testing.assert_array_equal(sample_reference("handout", T), handout_trajectory(T))
 
 
-@pytest.mark.parametrize("form", [list, tuple, np.array, partial(np.array, dtype=np.int32)])
+@each("form", [list, tuple, np.array, partial(np.array, dtype=np.int32)])
 def test_an_array_is_used_by_sample_and_its_end_held(form):
     np.testing.assert_array_equal(sample_reference(form([1, 2, 3]), T[:5]), [1, 2, 3, 3, 3])
     np.testing.assert_array_equal(sample_reference(form([1, 2, 3]), T[:2]), [1, 2])
@@ -339,13 +340,13 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("spec", "kind", "text"), WRONG, ids=[w[2][-40:] for w in WRONG])
+@each(("spec", "kind", "text"), WRONG, ids=[w[2][-40:] for w in WRONG])
 def test_wrong_references_are_explained(spec, kind, text):
     with np.errstate(all="ignore"), pytest.raises(kind, match=re.escape(text)):
         sample_reference(spec, T, rng())
 
 
-@pytest.mark.parametrize("spec", ["hanout", ("sin", {}), lambda t, a, b: t])
+@each("spec", ["hanout", ("sin", {}), lambda t, a, b: t])
 def test_is_random_explains_them_too(spec):
     with pytest.raises((ValueError, TypeError), match="reference: "):
         is_random(spec)

@@ -9,13 +9,14 @@ from flexdrive_gym import Covariance, Drive, Recording, load_drive, save_drive
 from flexdrive_gym.drive.drive import Recorded
 from flexdrive_gym.recording import Excitation, Fault
 from flexdrive_gym.units import LAB, Units, in_rig_units, measured_in
+from tests.each import each
 
 METRES = Units("m", "V", per_length=1000.0)
 ROTARY = Units("rad", "N m", per_length=100.0, per_command=50.0)
 SLOW = Units("V", "V", per_length=100.0, per_command=20.0, per_time=3.0)
 
 
-@pytest.mark.parametrize(
+@each(
     ("unit", "factor", "name"),
     [  # by hand: 1 V/mm is 1000 V/m
         ("mm", 1e-3, "m"),

@@ -72,7 +72,7 @@ class Judged:
     faults, faults_found, false_faults
         Broken encoders; how many of them were found; faults reported where there is none.
     before, after, floor
-        Rms on recordings kept away [mm/s].
+        Rms on recordings held out [mm/s].
     critical_gain
         The rig's own, from x2 [V/mm]; ``None`` where there is none below 10.
     predicted

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from baselines.controllers import FAMILIES, SAMPLE_TIME_S, design, effective
-from baselines.controllers.iterative_learning import command_ahead
+from baselines.controllers.iterative_learning import learn_feedforward
 from baselines.controllers.p_control import proportional
 from baselines.evaluation.metrics import measure
 from baselines.loop_analysis.margins import margins as analytic
@@ -215,7 +215,7 @@ def _made(name: str, drive: Drive, predicted: float | None) -> tuple[LinearContr
     rig = with_rig(drive)
     try:
         controller = design(design_name, rig).controller
-        ahead = command_ahead(rig, controller, reference()) if name.endswith(AHEAD) else None
+        ahead = learn_feedforward(rig, controller, reference()) if name.endswith(AHEAD) else None
     except ValueError as error:
         raise _RefusedError(str(error)) from error
     return controller, ahead, _plain(analytic(effective(rig, FAMILIES[design_name].reads), controller).gain_margin)

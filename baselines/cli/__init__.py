@@ -22,6 +22,7 @@ from baselines.cli import (
     lab,
     migrate,
     report,
+    rigs,
     stability,
     term,
     train,
@@ -43,7 +44,7 @@ app = typer.Typer(
 )
 for _module in (
     demo, check, identify, validate, stability, experiment, diagnose, design, train, compare, report, term, export, lab,
-    migrate, blind, benchmark,
+    migrate, blind, benchmark, rigs,
 ):  # fmt: skip
     app.command(cls=Command)(getattr(_module, _module.__name__.rsplit(".", 1)[-1]))
 

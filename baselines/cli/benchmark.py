@@ -79,7 +79,7 @@ def _write(result: Result, output: Path) -> None:
     def write(folder: Path) -> None:
         (folder / "benchmark.json").write_text(text + "\n", encoding="utf-8")
         picture.savefig(folder / "ladder.png")
-        save_drive(result.final[-1].drive, folder / "drive.toml")
+        save_drive(result.ladder[-1].drive, folder / "drive.toml")
 
     write_together(output, write)
 
@@ -93,30 +93,35 @@ def _print(result: Result) -> None:
     rule = f"rms of the free simulation [{b.rule.unit}] after {b.rule.window} samples of initialisation"
     table(
         f"{b.title}: {rule}",
-        ["fitted to a part of the training recordings", "there", *(f"validation, {c}" for c in validated)],
+        ["fitted to the training recordings", "there", *(f"blocks left out, {c}" for c in validated)],
         [
             [
-                _name(rung.name, i),
-                number(result.rms(rung.name, "learnt"), 3),
+                _name(rung.name),
+                number(result.rms(rung.name, "fitted"), 3),
                 *(number(result.rms(rung.name, "validation", c), 3) for c in validated),
             ]
-            for i, rung in enumerate(result.ladder)
+            for rung in result.ladder
         ],
     )
     rows = [
-        [_name(rung.name, i), *(number(result.rms(rung.name, "test", c), 3) for c in b.columns)]
-        for i, rung in enumerate(result.final if result.tested else ())
+        [_name(rung.name), *(number(result.rms(rung.name, "test", c), 3) for c in b.columns)]
+        for rung in (result.ladder if result.tested else ())
     ]
     rows += [[f"published: {p.method}", *(number(f, 3) for f in p.figures)] for p in b.published]
     say("")
     table(
-        "test recordings, from all training recordings"
-        if result.tested
-        else "no test* files in the folder; published:",
+        "test recordings" if result.tested else "no test* files in the folder; published:",
         ["", *b.columns],
         rows,
     )
     say("")
+    for name, (low, middle, high) in result.friction.items():
+        say(
+            f"friction as it differs between blocks of training makes {low:.3g} to {high:.3g} {b.rule.unit} by itself "
+            f"(median {middle:.3g}) in {name}"
+        )
+    for weight, drive in result.ladder[-1].members:
+        say(f"- {weight:.0%} of the average: {drive.name}")
     for f in result.found.findings:
         say(f"- {f.statement}")
     if result.found.unnamed is not None:
@@ -125,5 +130,5 @@ def _print(result: Result) -> None:
     say(f"cite: {b.citation}")
 
 
-def _name(rung: str, place: int) -> str:
-    return f"+ {rung.replace('_', ' ').replace('@', ' at ')}" if place else rung
+def _name(rung: str) -> str:
+    return f"+ {rung.replace('_', ' ').replace('@', ' at ')}" if "@" in rung else rung

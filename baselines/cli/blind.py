@@ -21,7 +21,7 @@ def blind(
         Path, typer.Option("--output", "-o", file_okay=False, help="Folder of the study; an interrupted one goes on.")
     ] = Path("blind"),
     trials: Annotated[
-        int, typer.Option("--trials", "-n", min=1, max=100_000, help="Concealed lab days; 200 tell the rates.")
+        int, typer.Option("--trials", "-n", min=1, max=100_000, help="Concealed data sets; 200 tell the rates.")
     ] = 20,
     seed: Annotated[int, typer.Option(min=0, max=MOST_SEED, help="Everything follows from it.")] = 0,
     backend: Annotated[

@@ -98,6 +98,8 @@ def compare(
     limit: Annotated[
         float | None,
         typer.Option(
+            min=0.0,
+            max=1e9,
             callback=positive,
             help="Of the command [V, or the rig's]; never more than the drive's own. Default: 8 V, or what the rig's recordings "
             "reached.",
@@ -105,7 +107,12 @@ def compare(
     ] = None,
     tolerance: Annotated[
         float | None,
-        typer.Option(callback=positive, help="For settling and success [mm, or the rig's]; default: 2 mm in 50."),
+        typer.Option(
+            min=0.0,
+            max=1e9,
+            callback=positive,
+            help="For settling and success [mm, or the rig's]; default: 2 in 50 mm.",
+        ),
     ] = None,
     empirical: Annotated[bool, typer.Option(help="Also find margins by trial.")] = True,
     seed: Annotated[int, typer.Option(min=0, max=MOST_SEED, help="Of the draws.")] = 0,
@@ -119,6 +126,9 @@ def compare(
         ),
     ] = -1,
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, tcp://HOST:PORT.")] = None,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Print every controller with all measures, not the eight that matter most.")
+    ] = False,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -153,7 +163,7 @@ def compare(
         print_json(each[next(iter(each))] if len(each) == 1 else {"drives": each, "pages": both})
         return
     for f in found.values():
-        _print(f.result, f.summaries, f.improvements)
+        _print(f.result, f.summaries, f.improvements, everything=everything)
         for remark in f.remarks:
             say(f"note: {remark}")
     if len(found) > 1:
@@ -316,8 +326,29 @@ def _as_json(result: Comparison) -> dict[str, object]:
     }
 
 
-def _print(result: Comparison, summaries: Sequence[Summary], improvements: Sequence[Improvement]) -> None:
-    from baselines.compare import headline, learnt_verdicts  # noqa: PLC0415
+def _print(
+    result: Comparison, summaries: Sequence[Summary], improvements: Sequence[Improvement], *, everything: bool
+) -> None:
+    from baselines.compare import headline, learnt_verdicts, shortlist  # noqa: PLC0415
+    from baselines.compare.tables import overview_table  # noqa: PLC0415
+    from flexdrive_gym.units import in_rig_units  # noqa: PLC0415
+
+    units = result.drive.units
+    told = in_rig_units(result, units)
+    chosen = shortlist(told)
+    overview = overview_table(told, chosen).of_rig(units)
+    table(overview.title, overview.columns, overview.rows)
+    for sentence in [*headline(result), *learnt_verdicts(result, summaries, improvements)]:
+        say(sentence)
+    if everything:
+        _print_all(result, summaries)
+        return
+    more = len(result.results) - len(chosen)
+    rest = f"{more} more controllers, all" if more else "All"
+    say(f"{rest} margins and robustness: --all prints them, compare.html (-o DIR) and --json have them.")
+
+
+def _print_all(result: Comparison, summaries: Sequence[Summary]) -> None:
     from baselines.compare.tables import BY_TRIAL, LINEAR, tables, with_friction  # noqa: PLC0415
     from flexdrive_gym.units import in_rig_units  # noqa: PLC0415
 
@@ -333,18 +364,10 @@ def _print(result: Comparison, summaries: Sequence[Summary], improvements: Seque
             ),
             ["group", "seeds", "handout", "failures", *result.references],
             [
-                [
-                    s.name,
-                    str(s.seeds),
-                    str(s.rms),
-                    s.failures.percent,
-                    *(str(s.unseen[name]) for name in result.references),
-                ]
+                [s.name, str(s.seeds), str(s.rms), s.failures.percent, *(str(s.unseen[n]) for n in result.references)]
                 for s in in_rig_units(summaries, units)
             ],
         )
-    for sentence in [*headline(result), *learnt_verdicts(result, summaries, improvements)]:
-        say(sentence)
     for r in result.results:
         for note in r.entry.notes:
             say(f"note: {r.entry.name}: {note}")

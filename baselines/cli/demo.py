@@ -41,7 +41,7 @@ def demo(
             }
         )
         return
-    say("The bundled sample is a lab day that flexdrive simulated itself, with ratios that are not the handout's")
+    say("The bundled sample is a data set that flexdrive simulated itself, with ratios that are not the handout's")
     say("and with an effect that no model here is told of.")
     identify([FOLDER], drive, Method.ml)
     stability(drive)

@@ -28,6 +28,8 @@ def design(
     limit: Annotated[
         list[float] | None,
         typer.Option(
+            min=0.0,
+            max=1e9,
             callback=positive,
             help="Command limit of the tracking runs [V, or the rig's]; repeatable; default: 4 and 8 V, or half and all of what "
             "the rig's recordings reached.",

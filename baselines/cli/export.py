@@ -212,8 +212,12 @@ def _agent(job: _Job, name: str, period: float | None) -> tuple[Exported, Any]:
     agent = load_agent(name) if name.endswith(".npz") else find_agent(name)
     card = agent.card
     about = [f"{key}: {card[key]}" for key in ("command", "commit", "drive") if card.get(key)]
-    if job.rig.units.scale:
-        about.append(f"Positions are in mm and commands in V of the scale it was trained on: {job.rig.units.scale}.")
+    units = job.rig.units
+    if not units.lab:
+        length, command = units.text(1.0, "mm"), units.text(1.0, "V")
+        about.append(
+            f"Positions are in mm and commands in V of the scale it was trained on: 1 mm is {length}, 1 V is {command}."
+        )
     exported = exporting.export_agent(agent, job.name, job.to.value, drive=job.rig, about=about, command=job.command)
     return exported, lambda: exporting.verify_controller(agent, job.rig, exported, job.name, job.to.value)
 

@@ -7,6 +7,7 @@ from baselines.compare.entries import Entry, agent_entries, entries, previewed_e
 from baselines.compare.own import is_own, load_linear, load_own, own_entry
 from baselines.compare.results import Comparison, Group, Result
 from baselines.compare.sentences import headline
+from baselines.compare.shortlist import shortlist
 from baselines.compare.summary import Improvement, Summary, summarise
 from baselines.compare.verdicts import learnt_verdicts, where_it_loses
 
@@ -36,6 +37,7 @@ __all__ = [
     "named_reference",
     "own_entry",
     "previewed_entries",
+    "shortlist",
     "summarise",
     "typical_effects",
     "where_it_loses",

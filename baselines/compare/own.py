@@ -22,7 +22,7 @@ from baselines.compare.entries import READS, Entry
 from baselines.controllers import SAMPLE_TIME_S
 from baselines.evaluation.adapters import PolicyController
 from flexdrive_gym import Controller, Drive, LinearController, Observation, PControl
-from flexdrive_gym.drive.simulate import command_of
+from flexdrive_gym.drive.controller import command_of
 from flexdrive_gym.units import Units
 
 FORMS = {

@@ -97,6 +97,22 @@ def doing(bounded: bool, swing: float | None, units: Units = LAB) -> str:
 LEAST_SWING_MM = 0.1
 
 
+def overview_table(found: Comparison, results: Sequence[Result]) -> Table:
+    """Return what matters most of some controllers in a few columns, no wider than 80 characters; figures as they are given."""
+    limit = min(found.limit, found.drive.voltage_limit)
+    return Table(
+        f"on “{found.drive.name}”, simulated, ±{limit:.4g} {found.drive.units.command}",
+        ("controller", "rms e [mm]", "peak [mm]", "settles", "on draws", "vibration [V mm]", "GM linear", "GM with friction"),
+        tuple(
+            (r.entry.name, figure(m.rms, 3), figure(m.peak, 3), "yes" if m.success else "no",
+             "–" if r.draws is None else f"{r.draws.value:.0%}", figure(m.vibration, 2),
+             figure(None if r.margins is None else r.margins.gain_margin, 3),
+             figure(None if r.on_rig is None else r.on_rig.gain_margin, 3))
+            for r in results for m in [r.nominal]
+        ),
+    )  # fmt: skip
+
+
 def tracking_table(found: Comparison) -> Table:
     """Return the measures along the handout's trajectory on the identified drive, figures as they are given."""
     limit = min(found.limit, found.drive.voltage_limit)

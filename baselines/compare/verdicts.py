@@ -64,7 +64,8 @@ def _standing(name: str, pairs: Sequence[Improvement]) -> list[str]:
     open_ = [i.classical for i in pairs if i.rms.low <= 0.5 <= i.rms.high]
     said = []
     if wins:
-        said.append(f"On the same drives {name} tracks better than {', '.join(wins)}.")
+        better = ", ".join(wins) if len(wins) <= _NAMED else f"{len(wins)} of {len(pairs)} designs"
+        said.append(f"On the same drives {name} tracks better than {better}.")
     if losses:
         said.append(f"It loses against {', '.join(losses)}.")
     if open_:
@@ -78,7 +79,7 @@ def _standing(name: str, pairs: Sequence[Improvement]) -> list[str]:
 def _same_period(comparison: Comparison, group: Group, by_name: dict[str, Summary]) -> list[str]:
     """Hold the group against what classical designs keep at its own sample time."""
     entry = group.results[0].entry
-    rivals = [
+    candidates = [
         g
         for g in comparison.groups
         if not g.learnt
@@ -86,9 +87,9 @@ def _same_period(comparison: Comparison, group: Group, by_name: dict[str, Summar
         and g.results[0].entry.feedback == entry.feedback
         and g.results[0].nominal.success
     ]
-    if not rivals or entry.period == 1e-3:
+    if not candidates or entry.period == 1e-3:
         return []
-    best = min(rivals, key=lambda g: by_name[g.name].rms.value)
+    best = min(candidates, key=lambda g: by_name[g.name].rms.value)
     sentence = (
         f"At the same {1e3 * entry.period:g} ms and from the same encoder the best classical design is {best.name}, "
         f"{by_name[best.name].rms} {comparison.drive.units.length}."
@@ -107,36 +108,37 @@ def where_it_loses(comparison: Comparison, summaries: Sequence[Summary], found: 
     by_name = {s.name: s for s in summaries}
     said = []
     for group in (g for g in comparison.groups if g.learnt):
-        rival = best_classical(comparison, group.results[0].entry.feedback)
-        if rival is None:
+        classical = best_classical(comparison, group.results[0].entry.feedback)
+        if classical is None:
             continue
-        own, other = by_name[group.name], by_name[rival.entry.group or rival.entry.name]
+        own, other = by_name[group.name], by_name[classical.entry.group or classical.entry.name]
         pairs = [(HANDOUT, own.rms.value, other.rms.value)]
         pairs += [(name, own.unseen[name].value, other.unseen[name].value) for name in own.unseen]
         lost = sorted(((a / b, name, a, b) for name, a, b in pairs if a > b > 0.0), reverse=True)
         won = [f"{name} ({a:.3g} against {b:.3g} {mm})" for name, a, b in pairs if a <= b]
         if lost:
             said.append(
-                f"{group.name} loses against {rival.entry.name}, the best classical design from the same encoder, along "
+                f"{group.name} loses against {classical.entry.name}, the best classical design from the same encoder, "
+                "along "
                 + ", ".join(f"{name} ({a:.3g} against {b:.3g} {mm})" for _ratio, name, a, b in lost)
                 + (f"; it wins along {', '.join(won)}." if won else "; it wins along none.")
             )
         else:
             said.append(
-                f"{group.name} has less error than {rival.entry.name}, the best classical design from the same encoder, along "
-                f"every reference: {', '.join(won)}."
+                f"{group.name} has less error than {classical.entry.name}, the best classical design from the same encoder, "
+                f"along every reference: {', '.join(won)}."
             )
-        said += _price(group, rival, own, other, units)
-        said += _lost_effects(group, rival.entry.name, comparison)
-        shown, theirs = found.find(group.middle.entry.name), found.find(rival.entry.name)
+        said += _price(group, classical, own, other, units)
+        said += _lost_effects(group, classical.entry.name, comparison)
+        shown, theirs = found.find(group.middle.entry.name), found.find(classical.entry.name)
         if shown is not None and theirs is not None:
             said += _why(shown, theirs, found, comparison, units)
     return said
 
 
-def _lost_effects(group: Group, rival: str, comparison: Comparison) -> list[str]:
-    """Name the left-out effects with which most seeds fail and the rival does not."""
-    theirs = next(r for r in comparison.results if r.entry.name == rival).effects
+def _lost_effects(group: Group, classical: str, comparison: Comparison) -> list[str]:
+    """Name the left-out effects with which most seeds fail and the classical design does not."""
+    theirs = next(r for r in comparison.results if r.entry.name == classical).effects
     lost = [
         name
         for name, of in theirs.items()
@@ -145,23 +147,23 @@ def _lost_effects(group: Group, rival: str, comparison: Comparison) -> list[str]
     if not theirs:
         return []
     if not lost:
-        return [f"There is no left-out effect with which {rival} settles and most seeds of {group.name} do not."]
+        return [f"There is no left-out effect with which {classical} settles and most seeds of {group.name} do not."]
     if len(lost) > _NAMED:
         most = f"{'; '.join(lost[:_NAMED])} and {len(lost) - _NAMED} more of {len(theirs)} left-out effects"
-        return [f"With {most} most seeds of {group.name} fail where {rival} settles."]
-    return [f"With {'; '.join(lost)} most seeds of {group.name} fail where {rival} settles."]
+        return [f"With {most} most seeds of {group.name} fail where {classical} settles."]
+    return [f"With {'; '.join(lost)} most seeds of {group.name} fail where {classical} settles."]
 
 
-def _why(shown: Shown, rival: Shown, found: Behaviour, comparison: Comparison, units: Units) -> list[str]:
+def _why(shown: Shown, classical: Shown, found: Behaviour, comparison: Comparison, units: Units) -> list[str]:
     """Say what the runs and the sweep show: error of moves or rests, equivalent gain at rest, margins."""
     said = []
     mm, per_mm = units.length, units.name("V/mm")
-    ours, theirs = shown.parts[HANDOUT], rival.parts[HANDOUT]
+    ours, theirs = shown.parts[HANDOUT], classical.parts[HANDOUT]
     if isfinite(ours.resting) and isfinite(theirs.resting):
         said.append(
             f"Along the handout's trajectory {shown.name} (the middle seed) errs by {ours.moving:.3g} {mm} rms in the moves "
-            f"and {ours.resting:.3g} {mm} in the rests, {rival.name} by {theirs.moving:.3g} and {theirs.resting:.3g} {mm}; at "
-            f"the end of the rests {ours.offset:.3g} {mm} are left, of {rival.name} {theirs.offset:.3g} {mm}."
+            f"and {ours.resting:.3g} {mm} in the rests, {classical.name} by {theirs.moving:.3g} and {theirs.resting:.3g} {mm}; "
+            f"at the end of the rests {ours.offset:.3g} {mm} are left, of {classical.name} {theirs.offset:.3g} {mm}."
         )
     lab4 = found.find("lab4")
     if shown.sweep is not None and lab4 is not None and isinstance(lab4.result.entry.controller, LinearController):
@@ -188,18 +190,18 @@ def _why(shown: Shown, rival: Shown, found: Behaviour, comparison: Comparison, u
     return said
 
 
-def _price(group: Group, rival: Result, own: Summary, other: Summary, units: Units) -> list[str]:
-    """Hold vibration, effort and margins on the rig against the rival's; margins are the median over seeds."""
+def _price(group: Group, classical: Result, own: Summary, other: Summary, units: Units) -> list[str]:
+    """Hold vibration, effort and margins on the rig against the classical design's; margins are the median over seeds."""
     pairs = [
         ("vibration in the rests", units.name("V mm"), own.vibration.value, other.vibration.value, True),
         ("rms of the command", units.command, own.effort.value, other.effort.value, True),
     ]
     trials = [r.on_rig for r in group.results if r.on_rig is not None]
-    if trials and rival.on_rig is not None:
+    if trials and classical.on_rig is not None:
         gain, delay = (float(np.median([getattr(t, f"{x}_margin") for t in trials])) for x in ("gain", "delay"))
         pairs += [
-            ("gain margin with friction", "", gain, rival.on_rig.gain_margin, False),
-            ("delay margin with friction", "ms", 1e3 * delay, 1e3 * rival.on_rig.delay_margin, False),
+            ("gain margin with friction", "", gain, classical.on_rig.gain_margin, False),
+            ("delay margin with friction", "ms", 1e3 * delay, 1e3 * classical.on_rig.delay_margin, False),
         ]
     told: dict[bool, list[str]] = {True: [], False: []}
     for name, unit, a, b, less_is_better in pairs:
@@ -210,9 +212,9 @@ def _price(group: Group, rival: Result, own: Summary, other: Summary, units: Uni
         told[(a < b) is less_is_better].append(text)
     said = []
     if told[False]:
-        said.append(f"Beside {rival.entry.name}, {group.name} is worse in {', '.join(told[False])}.")
+        said.append(f"Beside {classical.entry.name}, {group.name} is worse in {', '.join(told[False])}.")
     if told[True]:
-        said.append(f"Beside {rival.entry.name}, {group.name} is better in {', '.join(told[True])}.")
+        said.append(f"Beside {classical.entry.name}, {group.name} is better in {', '.join(told[True])}.")
     failing = [r.entry.name for r in group.results if r.on_rig is None]
     if failing and trials:
         said.append(f"As they are, {', '.join(failing)} fail the simulated trial with friction: they have no margin.")

@@ -18,19 +18,22 @@ from baselines.controllers._design import LAB_4, SAMPLE_TIME_S, Design, Family, 
 from baselines.controllers._effective import effective, rescaled
 from flexdrive_gym import Drive
 
-__all__ = ["FAMILIES", "LAB_4", "SAMPLE_TIME_S", "Design", "Family", "Specification", "design", "effective"]
+__all__ = ["FAMILIES", "KINDS", "LAB_4", "SAMPLE_TIME_S", "Design", "Family", "Specification", "design", "effective"]
 
 _ORDER = ("p_control", "loop_shaping", "pd", "input_shaping", "cascade", "friction_compensation", "lqg", "h_infinity")
 
 
-def _discover() -> dict[str, Family]:
+def _discover() -> tuple[dict[str, Family], dict[str, str]]:
     modules = [m.name for m in iter_modules(__path__) if not m.name.startswith("_")]
     modules.sort(key=lambda name: (_ORDER.index(name) if name in _ORDER else len(_ORDER), name))
-    found = [f for name in modules for f in getattr(import_module(f"{__name__}.{name}"), "FAMILIES", ())]
-    return {family.name: family for family in found}
+    found = [(f, name) for name in modules for f in getattr(import_module(f"{__name__}.{name}"), "FAMILIES", ())]
+    return {family.name: family for family, _module in found}, {family.name: module for family, module in found}
 
 
-FAMILIES: dict[str, Family] = _discover()
+FAMILIES: dict[str, Family]
+# family to its kind, which is the module it is in
+KINDS: dict[str, str]
+FAMILIES, KINDS = _discover()
 
 
 def design(name: str, drive: Drive, *, sample_time: float = SAMPLE_TIME_S, limit: float = inf) -> Design:

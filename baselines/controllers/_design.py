@@ -14,8 +14,8 @@ import numpy.typing as npt
 from baselines.controllers._effective import effective
 from baselines.loop_analysis.loops import is_stable, linear_part, loop_response
 from flexdrive_gym import Drive, LinearController
+from flexdrive_gym.drive.batch.closed_loop import run_batch
 from flexdrive_gym.drive.default import HANDOUT_QUANTUM_MM
-from flexdrive_gym.drive.linear_controller import run_batch
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.units import measured_in
 

@@ -23,7 +23,7 @@ import numpy.typing as npt
 from baselines.controllers import effective
 from baselines.loop_analysis.loops import closed_loop_response
 from flexdrive_gym import Drive, LinearController
-from flexdrive_gym.drive.linear_controller import run_batch
+from flexdrive_gym.drive.batch.closed_loop import run_batch
 from flexdrive_gym.recording import FloatArray
 
 REPETITIONS = 20
@@ -34,7 +34,7 @@ _SMALLEST = 1e-3
 _BOUND_TO_THE_TRACK = ("cogging", "position_friction", "encoder_eccentricity")
 
 
-def command_ahead(drive: Drive, controller: LinearController, xr: npt.ArrayLike) -> FloatArray:
+def learn_feedforward(drive: Drive, controller: LinearController, xr: npt.ArrayLike) -> FloatArray:
     """Return what to add to a controller's command along a reference.
 
     Parameters

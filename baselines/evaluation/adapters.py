@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flexdrive_gym import Controller, Drive, Excitation, Observation, Recording
-from flexdrive_gym.drive.simulate import FAR, command_of
+from flexdrive_gym.drive.controller import FAR, command_of
 from flexdrive_gym.environment import FlexDriveEnv
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.task import Task

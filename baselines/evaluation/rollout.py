@@ -15,9 +15,9 @@ import numpy.typing as npt
 
 from baselines.evaluation.adapters import PolicyBatch, PolicyController
 from flexdrive_gym import Controller, Drive, LinearController, Observation
-from flexdrive_gym.drive.batch.lockstep import Abreast
-from flexdrive_gym.drive.linear_controller import run_batch
-from flexdrive_gym.drive.simulate import command_of
+from flexdrive_gym.drive.batch.closed_loop import run_batch
+from flexdrive_gym.drive.batch.lockstep import Lockstep
+from flexdrive_gym.drive.controller import command_of
 from flexdrive_gym.recording import FloatArray
 
 RIG_TIME_S = 1e-3
@@ -99,22 +99,22 @@ def run_many(
     own = deepcopy(controller if following is None else following(reference))
     # a run that grows beyond all bounds is a result
     with np.errstate(over="ignore", invalid="ignore"):
-        if isinstance(own, PolicyController) and runs_abreast(own):
+        if isinstance(own, PolicyController) and runs_in_batch(own):
             if abs(own.sample_time - sample_time) > 1e-6 * sample_time:
                 raise ValueError(
                     f"sample_time: the controller is called every {own.sample_time:g} s; the rig runs at {sample_time:g} s. "
                     f"Make it with sample_time={sample_time:g}."
                 )
-            rigs = Abreast(drives, sample_time, start)
+            rigs = Lockstep(drives, sample_time, start)
             return _policies(own, rigs, reference, factor, held)
         runs = [
-            _alone(own, Abreast([drive], sample_time, start), reference, float(factor[j]), int(held[j]))
+            _alone(own, Lockstep([drive], sample_time, start), reference, float(factor[j]), int(held[j]))
             for j, drive in enumerate(drives)
         ]
     return np.concatenate(runs)
 
 
-def runs_abreast(controller: Controller) -> bool:
+def runs_in_batch(controller: Controller) -> bool:
     """Whether many runs of a controller cost little more than one."""
     if isinstance(controller, LinearController):
         return True
@@ -122,7 +122,7 @@ def runs_abreast(controller: Controller) -> bool:
 
 
 def _policies(
-    controller: PolicyController, rigs: Abreast, xr: FloatArray, gains: FloatArray, late: np.ndarray
+    controller: PolicyController, rigs: Lockstep, xr: FloatArray, gains: FloatArray, late: np.ndarray
 ) -> FloatArray:
     n, jobs, longest = len(xr), len(gains), int(late.max(initial=0))
     policies = PolicyBatch(controller, jobs)
@@ -137,7 +137,7 @@ def _policies(
     return out
 
 
-def _alone(controller: Controller, rig: Abreast, xr: FloatArray, gain: float, late: int) -> FloatArray:
+def _alone(controller: Controller, rig: Lockstep, xr: FloatArray, gain: float, late: int) -> FloatArray:
     n = len(xr)
     asked, out = np.zeros(late + n), np.empty((1, 5, n))
     reset = getattr(controller, "reset", None)  # a plain function has no past to forget

@@ -4,7 +4,7 @@ Learning is random, so an agent is known by several trainings. Their scores on D
 them is (R. Agarwal, M. Schwarzer, P. S. Castro, A. Courville, M. G. Bellemare, Deep Reinforcement Learning at the Edge of the
 Statistical Precipice, NeurIPS 2021)
 
-- the *interquartile mean*, the mean of the middle half of all S·D scores, which no single lucky or failed run moves much;
+- the *interquartile mean*, the mean of the middle half of all S·D scores, which no single outlying run moves much;
 - a 95 % interval by bootstrap;
 - the *probability of improvement*, :math:`P(X < Y) + \tfrac12 P(X = Y)` for a smaller score being better, averaged over
   the drives, on each of which both are measured.

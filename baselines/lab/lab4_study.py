@@ -15,7 +15,7 @@ from baselines.loop_analysis.loops import linear_part
 from baselines.loop_analysis.margins import Margins, margins
 from baselines.loop_analysis.stability_limit import with_rig
 from flexdrive_gym import Drive, LinearController
-from flexdrive_gym.drive.linear_controller import run_batch
+from flexdrive_gym.drive.batch.closed_loop import run_batch
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.references import handout_trajectory
 from flexdrive_gym.units import LAB, Units, measured_in

@@ -10,7 +10,7 @@ import numpy as np
 from baselines.controllers.p_control import proportional
 from baselines.lab.experiments import limit_in_the_lab, stability_experiments
 from baselines.lab.uncertainty import DRAWS, Predicted, predict
-from baselines.loop_analysis.limit_cycle import Sustained, simulated_limit, sustained_curve
+from baselines.loop_analysis.limit_cycle import LimitCycle, limit_cycle_curve, simulated_limit
 from baselines.loop_analysis.stability_limit import HANDOUT_GAIN, StabilityLimit, explain, stability_limit, with_rig
 from flexdrive_gym import Drive, Recording
 
@@ -47,8 +47,8 @@ class StabilityStudy:
     student_without_friction: float | None
     runs: Mapping[str, Recording]
     runs_without_friction: Mapping[str, Recording]
-    curve: tuple[Sustained, ...]
-    tried: tuple[tuple[Sustained, float], ...]
+    curve: tuple[LimitCycle, ...]
+    tried: tuple[tuple[LimitCycle, float], ...]
     explanation: tuple[str, ...]
     predicted: Mapping[str, Predicted]
 
@@ -82,8 +82,8 @@ def study_stability(drive: Drive, at_gain: float = HANDOUT_GAIN, draws: int = DR
     smooth = rig.replace({"d1": 0.0, "d2": 0.0}, name=f"{drive.name} without Coulomb friction")
     student, free = limit_in_the_lab(drive), limit_in_the_lab(smooth)
     unit = proportional(1.0, "x2")
-    curve = sustained_curve(rig, unit, _AMPLITUDES_MM, limit=rig.voltage_limit)
-    starts = sustained_curve(rig, unit, _TRIED_MM, limit=rig.voltage_limit)
+    curve = limit_cycle_curve(rig, unit, _AMPLITUDES_MM, limit=rig.voltage_limit)
+    starts = limit_cycle_curve(rig, unit, _TRIED_MM, limit=rig.voltage_limit)
     tried = tuple((s, simulated_limit(rig, unit, s)) for s in starts if np.isfinite(s.factor))
     smooth_runs = stability_experiments(smooth)
     study = StabilityStudy(drive, limits, student, free, runs, smooth_runs, tuple(curve), tried, (), predicted)

@@ -15,7 +15,7 @@ import numpy as np
 from baselines.controllers.p_control import proportional
 from baselines.lab_page import texts
 from baselines.lab_page.chart import Axis, Chart, Colour, Line, series
-from baselines.loop_analysis.limit_cycle import sustained_curve
+from baselines.loop_analysis.limit_cycle import limit_cycle_curve
 from baselines.loop_analysis.loops import ComplexArray, closed_loop_matrices, linear_part, loop_response
 from flexdrive_gym import Drive, LinearController
 from flexdrive_gym.recording import FloatArray
@@ -198,7 +198,7 @@ def nyquist_and_bode(drive: Drive, controller: LinearController, factor: float) 
 @lru_cache(maxsize=32)
 def _amplitudes(values: tuple[tuple[str, float], ...], controller: LinearController, limit: float) -> FloatArray:
     drive = Drive(dict(values))
-    curve = sustained_curve(drive, controller, AMPLITUDES_MM, limit=limit)
+    curve = limit_cycle_curve(drive, controller, AMPLITUDES_MM, limit=limit)
     return np.array([s.factor for s in curve])
 
 
@@ -240,7 +240,7 @@ def amplitude_chart(factors: FloatArray | None, factor: float, unit: str, per_le
     low = float(np.min(factors))
     summary = texts.NO_AMPLITUDE_LIMIT if low == inf else texts.AMPLITUDE_SUMMARY.format(low=low, unit=unit)
     shown = np.where(np.isfinite(factors), factors, nan)
-    name = texts.SUSTAINED if np.isfinite(low) else texts.NO_AMPLITUDE_LIMIT
+    name = texts.LIMIT_CYCLE if np.isfinite(low) else texts.NO_AMPLITUDE_LIMIT
     return Chart(
         texts.DESCRIBING_FUNCTION,
         chart,

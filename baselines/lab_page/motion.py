@@ -18,7 +18,7 @@ from baselines.lab_page.settings import DURATION_S, Push, Settings
 from baselines.loop_analysis.stability_limit import with_rig
 from flexdrive_gym import Controller, Drive, LinearController, Observation, Recording
 from flexdrive_gym.drive import kernels, parameters
-from flexdrive_gym.drive.linear_controller import run_batch
+from flexdrive_gym.drive.batch.closed_loop import run_batch
 from flexdrive_gym.drive.sample import WORK_SPACE
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.references import handout_trajectory, point_to_point, sine, square, step

@@ -17,7 +17,7 @@ from baselines.lab_page import texts
 from baselines.lab_page.loop_curves import Reading
 from baselines.lab_page.motion import RIG_TIME_S
 from flexdrive_gym import Drive, LinearController
-from flexdrive_gym.drive.linear_controller import run_batch
+from flexdrive_gym.drive.batch.closed_loop import run_batch
 from flexdrive_gym.references import point_to_point
 
 Level = Literal["stable", "held", "unstable", "unknown"]

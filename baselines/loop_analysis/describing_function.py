@@ -26,7 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from baselines.evaluation.adapters import PolicyBatch, PolicyController
-from baselines.evaluation.rollout import RIG_TIME_S, runs_abreast
+from baselines.evaluation.rollout import RIG_TIME_S, runs_in_batch
 from baselines.loop_analysis.loops import ComplexArray, linear_part, response, sampled_drive
 from flexdrive_gym import Controller, Drive, LinearController, Observation
 from flexdrive_gym.drive.default import HANDOUT_QUANTUM_MM
@@ -128,7 +128,7 @@ def _commands(controller: Controller, reads: str, t: FloatArray, seen: FloatArra
     own = deepcopy(controller)
     if isinstance(own, PolicyController):
         own = own.following(np.zeros(n))
-        if runs_abreast(own):
+        if runs_in_batch(own):
             policies = PolicyBatch(own, jobs)
             for i in range(0, n, own.every):
                 readings = np.hstack([seen[:, [i]] * on, speed[:, None] * on])

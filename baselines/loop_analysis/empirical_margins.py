@@ -20,7 +20,7 @@ from typing import Literal
 
 import numpy as np
 
-from baselines.evaluation.rollout import run_many, runs_abreast
+from baselines.evaluation.rollout import run_many, runs_in_batch
 from baselines.loop_analysis.loops import linear_part
 from baselines.loop_analysis.stability_limit import with_rig
 from flexdrive_gym import Controller, Drive, LinearController
@@ -188,7 +188,7 @@ def empirical_margins(
             f"controller: the loop on {plant.name!r} grows as it is; it has no margins.",
             inf if swing is None else swing,
         )
-    at_once = _AT_ONCE if runs_abreast(controller) else 1
+    at_once = _AT_ONCE if runs_in_batch(controller) else 1
     gain_margin = delay_margin = float("nan")
     if "gain" in quantities:
         scan = np.geomspace(1.0, LARGEST_GAIN, 41)

@@ -30,7 +30,7 @@ from scipy.optimize import brentq
 
 from baselines.loop_analysis.loops import response
 from flexdrive_gym import Drive, LinearController
-from flexdrive_gym.drive.linear_controller import run_batch
+from flexdrive_gym.drive.batch.closed_loop import run_batch
 from flexdrive_gym.recording import FloatArray
 
 _LOWEST, _HIGHEST = 0.3, 4.0
@@ -39,7 +39,7 @@ _TRIAL_S = 6.0
 
 
 @dataclass(frozen=True)
-class Sustained:
+class LimitCycle:
     """A vibration that keeps its size.
 
     Attributes
@@ -60,7 +60,7 @@ class Sustained:
     states: tuple[float, float, float, float]
 
 
-def sustained(drive: Drive, controller: LinearController, amplitude: float, *, limit: float = inf) -> Sustained:
+def limit_cycle(drive: Drive, controller: LinearController, amplitude: float, *, limit: float = inf) -> LimitCycle:
     """Return the factor on the command at which a vibration of x2 keeps its size, by harmonic balance.
 
     Parameters
@@ -86,7 +86,7 @@ def sustained(drive: Drive, controller: LinearController, amplitude: float, *, l
     around = drive.linear.omega_n
     grid = np.geomspace(_LOWEST * around, _HIGHEST * around, _GRID)
     ratio = np.array([_factor(drive, controller, float(w), amplitude) for w in grid])
-    best = Sustained(amplitude, inf, float("nan"), (0.0, 0.0, 0.0, 0.0))
+    best = LimitCycle(amplitude, inf, float("nan"), (0.0, 0.0, 0.0, 0.0))
     for i in np.flatnonzero((ratio.imag[:-1] > 0.0) != (ratio.imag[1:] > 0.0)):
         if abs(np.angle(ratio[i]) - np.angle(ratio[i + 1])) > 1.0:  # a jump through infinity is no crossing
             continue
@@ -95,7 +95,7 @@ def sustained(drive: Drive, controller: LinearController, amplitude: float, *, l
         if 0.0 < factor < best.factor:
             v1, v2, u = _phasors(drive, omega, amplitude)
             needed = abs(u)
-            best = Sustained(amplitude, factor * _through_limit(needed, limit), omega, _states(v1, v2, omega))
+            best = LimitCycle(amplitude, factor * _through_limit(needed, limit), omega, _states(v1, v2, omega))
     return best
 
 
@@ -140,14 +140,14 @@ def _through_limit(needed: float, limit: float) -> float:
     return float(brentq(lambda a: fundamental(a) - needed, limit, 1e6 * limit)) / needed
 
 
-def sustained_curve(
+def limit_cycle_curve(
     drive: Drive, controller: LinearController, amplitudes: npt.ArrayLike, *, limit: float = inf
-) -> list[Sustained]:
-    """Return :func:`sustained` for every amplitude [mm]."""
-    return [sustained(drive, controller, float(a), limit=limit) for a in np.asarray(amplitudes)]
+) -> list[LimitCycle]:
+    """Return :func:`limit_cycle` for every amplitude [mm]."""
+    return [limit_cycle(drive, controller, float(a), limit=limit) for a in np.asarray(amplitudes)]
 
 
-def simulated_limit(drive: Drive, controller: LinearController, start: Sustained, *, precision: float = 2e-3) -> float:
+def simulated_limit(drive: Drive, controller: LinearController, start: LimitCycle, *, precision: float = 2e-3) -> float:
     """Return the factor on the command at which a vibration of this size begins to grow on the simulated drive.
 
     The drive starts in the state that harmonic balance predicts, with the controller already in that vibration: it runs in with
@@ -157,7 +157,7 @@ def simulated_limit(drive: Drive, controller: LinearController, start: Sustained
     Parameters
     ----------
     start
-        From :func:`sustained`.
+        From :func:`limit_cycle`.
 
     Returns
     -------

@@ -119,15 +119,6 @@ def closed_loop(drive: Drive, controller: LinearController) -> control.StateSpac
     )  # fmt: skip
 
 
-def loop_gain(drive: Drive, controller: LinearController) -> control.StateSpace:
-    """Return the loop gain L(z), broken at the command, for negative feedback, as a python-control object."""
-    import control  # noqa: PLC0415
-
-    A, B, C = sampled_drive(drive, controller.sample_time)
-    plant = control.ss(A, B, C, np.zeros((drive.carts, 1)), controller.sample_time)
-    return -controller.state_space()[0, 1 : 1 + drive.carts] * plant
-
-
 def response(
     A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArray, omega: npt.ArrayLike, sample_time: float
 ) -> ComplexArray:

@@ -8,4 +8,15 @@ from baselines.public_data.silverbox import SILVERBOX
 
 BENCHMARKS = {b.name: b for b in (EMPS, COUPLED_DRIVES, SILVERBOX)}
 
-__all__ = ["BENCHMARKS", "Benchmark", "Published", "Result", "Rule", "Score", "run_benchmark"]
+__all__ = [
+    "BENCHMARKS",
+    "COUPLED_DRIVES",
+    "EMPS",
+    "SILVERBOX",
+    "Benchmark",
+    "Published",
+    "Result",
+    "Rule",
+    "Score",
+    "run_benchmark",
+]

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from flexdrive_gym.drive.effects import Where
 from flexdrive_gym.recording import FloatArray, Recording
 from flexdrive_gym.units import Units
 from identification.recordings import Rig, read_recordings
@@ -41,6 +42,28 @@ class Published:
 
 
 @dataclass(frozen=True)
+class Hypothesis:
+    """Physics that a data set's documentation or its pictures suggest: one more structure, fitted from far away.
+
+    A search that adds one effect at a time stays near where it begins. A structure that needs several at once is tried as a
+    whole, and the blocks that are left out say what it is worth.
+
+    Attributes
+    ----------
+    name
+        In words.
+    effects
+        Ids and places.
+    start
+        Values to start from.
+    """
+
+    name: str
+    effects: tuple[tuple[str, Where], ...]
+    start: Mapping[str, float]
+
+
+@dataclass(frozen=True)
 class Benchmark:
     """One public data set.
 
@@ -56,12 +79,16 @@ class Benchmark:
         Of the rig.
     columns, published
         Headings of the published table and its rows.
-    hold_out
-        Divides the training recordings into what is learnt from and what is kept for validation.
+    blocks
+        Contiguous blocks that every training recording is cut into: each block of all recordings is left out once.
+    horizon
+        Time [engine's s] over which errors of position build up, where the output is a position that may drift; else ``None``.
     known
         Adds to a recording what its file cannot say.
     column_of
         Returns in which column of the table a recording is scored.
+    hypotheses
+        Structures that are averaged beside those around the findings.
     without_extrapolation
         Column to another one, in which the same recording is scored up to where its output leaves the range of training.
     """
@@ -76,9 +103,11 @@ class Benchmark:
     rule: Rule
     columns: tuple[str, ...]
     published: tuple[Published, ...]
-    hold_out: Callable[[Sequence[Recording]], tuple[tuple[Recording, ...], tuple[Recording, ...]]]
+    blocks: int
+    horizon: float | None = None
     known: Callable[[Recording], Recording] = lambda recording: recording
     column_of: Callable[[Recording], int] = lambda _: 0
+    hypotheses: tuple[Hypothesis, ...] = ()
     without_extrapolation: Mapping[int, int] = field(default_factory=dict)
 
     def read(self, path: Path) -> Recording:
@@ -91,8 +120,11 @@ class Benchmark:
 
     def score(self, error: FloatArray) -> float:
         """Return the figure of a simulation error [engine's mm or mm/s], the window left out."""
-        rms = float(np.sqrt(np.mean(np.square(error[self.rule.window :]))))
-        return rms / self.units.per_length * self.rule.per_output
+        return self.figure(error[self.rule.window :])
+
+    def figure(self, scored: FloatArray) -> float:
+        """Return the figure of the errors of the samples that are scored."""
+        return float(np.sqrt(np.mean(np.square(scored)))) / self.units.per_length * self.rule.per_output
 
     @property
     def units(self) -> Units:

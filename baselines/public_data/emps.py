@@ -5,19 +5,9 @@ The linear carriage is a mass with viscous friction; dry friction and all the re
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-from baselines.public_data.benchmark import Benchmark, Published, Rule, piece
-from flexdrive_gym.recording import Recording
+from baselines.public_data.benchmark import Benchmark, Published, Rule
 from identification.recordings import Rig
 from identification.topology import Topology
-
-
-def hold_out(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
-    """Keep the last third of every recording."""
-    learn = tuple(piece(r, 0, 2 * r.n // 3, f"{r.name}, first two thirds") for r in recordings)
-    return learn, tuple(piece(r, 2 * r.n // 3, r.n, f"{r.name}, last third") for r in recordings)
-
 
 EMPS = Benchmark(
     name="emps",
@@ -37,5 +27,6 @@ EMPS = Benchmark(
         Published("LSTM", (74.1,)),
         Published("best reported", (2.64,)),
     ),
-    hold_out=hold_out,
+    blocks=4,
+    horizon=0.3,
 )

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
+from baselines.public_data.run import AVERAGE
 from identification.plots.style import CART, MARK, MEASURED, legend_above, new_figure, styled
 
 if TYPE_CHECKING:
@@ -15,8 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from baselines.public_data.run import Result
-    from identification.mismatch.ladder import Rung
+    from baselines.public_data.run import Result, Rung
 
     # label, colour, marker, part and column of the scores
     Line = tuple[str, str, str, str, str | None]
@@ -33,15 +33,15 @@ def draw_ladder(result: Result) -> Figure:
     b = result.benchmark
     figure = new_figure(3.6 * (1 + result.tested))
     panels = figure.subplots(1 + result.tested, 1, squeeze=False)[:, 0]
-    lines = [("fitted to", MEASURED, "o", "learnt", None), ("own validation part", CART[1], "s", "validation", None)]
+    lines = [("fitted to", MEASURED, "o", "fitted", None), ("blocks left out", CART[1], "s", "validation", None)]
     _draw(panels[0], result, result.ladder, lines)
     panels[0].set_title(b.title, loc="left")
     if result.tested:
         tests = [
             (c, colour, "D", "test", c) for c, colour in zip(b.columns, (CART[2], CART[1], MEASURED), strict=False)
         ]
-        _draw(panels[1], result, result.final, tests)
-        panels[1].set_title("test recordings, from all training recordings", loc="left")
+        _draw(panels[1], result, result.ladder, tests)
+        panels[1].set_title("test recordings", loc="left")
     return figure
 
 
@@ -79,6 +79,8 @@ def _decades(result: Result) -> float:
 
 
 def _label(name: str, place: int) -> str:
+    if name == AVERAGE:
+        return "average"
     effect, _, where = name.replace("_", " ").partition("@")
     return (
         effect.replace(" ", "\n", 1)

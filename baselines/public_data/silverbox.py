@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
-from baselines.public_data.benchmark import Benchmark, Published, Rule, piece
+from baselines.public_data.benchmark import Benchmark, Published, Rule
 from flexdrive_gym.recording import Recording
 from identification.recordings import Rig
 from identification.recordings.rig import Unit
@@ -24,12 +23,6 @@ RIG = Rig(
 def known(recording: Recording) -> Recording:
     """Say that the command was continuous."""
     return replace(recording, hold="band_limited")
-
-
-def hold_out(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
-    """Keep the last fifth of every recording."""
-    learn = tuple(piece(r, 0, 4 * r.n // 5, f"{r.name}, first four fifths") for r in recordings)
-    return learn, tuple(piece(r, 4 * r.n // 5, r.n, f"{r.name}, last fifth") for r in recordings)
 
 
 SILVERBOX = Benchmark(
@@ -52,7 +45,7 @@ SILVERBOX = Benchmark(
         Published("LSTM", (1.50, 2.68, 0.960)),
         Published("best reported", (0.36, 0.26, 0.32)),
     ),
-    hold_out=hold_out,
+    blocks=5,
     column_of=lambda r: int("arrow" in r.name),
     without_extrapolation={1: 2},
 )

@@ -31,7 +31,7 @@ def build_report(
     Parameters
     ----------
     recordings
-        Of one drive.
+        A data set.
     title
         Heading of the page.
     diagnosis

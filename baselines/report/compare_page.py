@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from baselines.compare import Comparison, Result, behaviour, headline, summarise
+from baselines.compare import Comparison, Result, behaviour, headline, shortlist, summarise
 from baselines.compare.comparison import instants
-from baselines.compare.tables import BY_TRIAL, LINEAR, loop_words, share_cell, with_friction
+from baselines.compare.shortlist import MOST
+from baselines.compare.tables import BY_TRIAL, LINEAR, loop_words, overview_table, share_cell, with_friction
 from baselines.evaluation.rollout import run_many
 from baselines.report import control_plots as plots
 from baselines.report.design_page import cell
@@ -18,9 +19,11 @@ from flexdrive_gym.units import Units, in_rig_units
 
 
 def build_compare_page(comparison: Comparison) -> str:
-    """Return the page as HTML: measures, statistics, where learning loses and why, robustness, margins; in the rig's units."""
-    shown = in_rig_units(comparison, comparison.drive.units)
-    sections = [_tracking(comparison, shown)]
+    """Return the page as HTML, in the rig's units: a picture and the controllers that matter most; everything else is folded."""
+    units = comparison.drive.units
+    told = in_rig_units(comparison, units)
+    chosen = shortlist(told)
+    sections = [_overview(told, chosen, units), _errors(comparison, chosen, told.tolerance), _tracking(told, units)]
     if any(r.entry.learnt for r in comparison.results):
         summaries, improvements = summarise(comparison)
         found = behaviour(comparison)
@@ -28,12 +31,14 @@ def build_compare_page(comparison: Comparison) -> str:
             statistics_section(comparison, summaries, improvements),
             behaviour_section(comparison, summaries, found),
         ]
-    sections += [_margins(comparison, shown), _robustness(shown, comparison.drive.units), _who(shown)]
+    sections += [_margins(comparison, told), _robustness(told, chosen, units), _who(told)]
+    for section in sections[2:]:
+        section.folded = True
     drawn = sum(c.group == "draw" and c.handout for c in comparison.cases)
     effects = sum(c.group == "effect" for c in comparison.cases)
     others = f", and {', '.join(comparison.references)}" if comparison.references else ""
     subtitle = (
-        f"{len(comparison.results)} controllers, {shown.duration:g} s of the handout's trajectory{others}; {drawn} drives "
+        f"{len(comparison.results)} controllers, {told.duration:g} s of the handout's trajectory{others}; {drawn} drives "
         f"drawn from the identified covariance (seed {comparison.seed}), {effects} left-out effects; one rig at 1 kHz"
     )
     return render(
@@ -45,10 +50,48 @@ def build_compare_page(comparison: Comparison) -> str:
     )
 
 
-def _tracking(comparison: Comparison, told: Comparison) -> Section:
-    """Return the measures; ``told`` is the comparison in the rig's units, what is run takes the engine's."""
+def _overview(told: Comparison, chosen: Sequence[Result], units: Units) -> Section:
+    section = Section("Overview", "overview", units=units)
+    tried = any(r.on_rig is not None for r in told.results)
+    section.figure(
+        plots.plot_overview(told.results, chosen),
+        "Tracking error against the gain margin"
+        + (", simulated with friction," if tried else " of the linear loop")
+        + " and against the vibration left in the dwells. One point a controller: low is accurate, right on the left panel "
+        "is robust, left on the right panel is calm. Hollow points do not settle in every dwell.",
+    )
+    table = overview_table(told, chosen)
+    section.table(table.columns, table.rows)
+    rest = len(told.results) - len(chosen)
+    section.text(
+        ("The best of each kind, P-control as the yardstick, and the best learnt policy. " if rest else "")
+        + f"Settles: x2 stays within {told.tolerance:.4g} {units.length} in every dwell; beside it the share of drawn drives on "
+        "which it does. Vibration: mean energy in the second half of the dwells. "
+        + (f"The other {rest} controllers are in the tables below." if rest else "")
+    )
+    return section
+
+
+def _errors(comparison: Comparison, chosen: Sequence[Result], tolerance: float) -> Section:
+    """Return the tracking error over time of some controllers, whose measures and tolerance are in the rig's units."""
     units = comparison.drive.units
-    section = Section("Tracking on the identified drive", "tracking", units=units)
+    section = Section("Tracking error", "errors", units=units)
+    t = instants(comparison.duration)
+    xr = handout_trajectory(t)
+    runs = {}
+    for r in chosen:
+        run = run_many(r.entry.controller, [comparison.drive], xr)[0]
+        e = xr - run[2 if comparison.drive.carts == 2 else 0]
+        runs[r.entry.name] = (e / units.one("mm"), run[4] / units.one("V"))
+    section.figure(
+        plots.plot_errors(chosen, tolerance, runs, t / units.one("s"), units),
+        "Tracking error, all on one scale that cuts off the largest; the band is the tolerance.",
+    )
+    return section
+
+
+def _tracking(told: Comparison, units: Units) -> Section:
+    section = Section("All controllers: tracking on the identified drive", "tracking", units=units)
     section.table(
         ("controller", "feedback", "acts every [ms]", "rms e [mm]", "peak |e| [mm]", "settling [s]", "overshoot [%]",
          "vibration [V mm]", "rms u [V]", "peak |u| [V]", "at the limit", "success"),
@@ -60,23 +103,9 @@ def _tracking(comparison: Comparison, told: Comparison) -> Section:
         ],
     )  # fmt: skip
     section.text(
-        f"Settling: longest time after a move until x2 stays within {units.text(comparison.tolerance, 'mm')}; a "
-        "dash where it never does before the "
-        "next move. Success: stable and settled in every dwell. Vibration: mean energy in the second half of the dwells. A "
-        "controller slower than the rig's 1 ms holds its command between its samples."
-    )
-    # of learnt groups the middle seed, of classical designs those at the rig's own sample time
-    shown = [g.middle for g in told.groups if g.learnt or g.results[0].entry.period <= _RIG] or list(told.results)
-    t = instants(comparison.duration)
-    xr = handout_trajectory(t)
-    runs = {}
-    for r in shown:
-        run = run_many(r.entry.controller, [comparison.drive], xr)[0]
-        e = xr - run[2 if comparison.drive.carts == 2 else 0]
-        runs[r.entry.name] = (e / units.one("mm"), run[4] / units.one("V"))
-    section.figure(
-        plots.plot_errors(shown, told.tolerance, runs, t / units.one("s"), units),
-        "Tracking error, all on one scale that cuts off the largest; the band is the tolerance.",
+        f"Settling: longest time after a move until x2 stays within {told.tolerance:.4g} {units.length}; a dash where it never "
+        "does before the next move. Success: stable and settled in every dwell. A controller slower than the rig's 1 ms holds "
+        "its command between its samples."
     )
     return section
 
@@ -111,10 +140,6 @@ def _margins(comparison: Comparison, told: Comparison) -> Section:
     linear = {r.entry.name: r.entry.loop for r in fast if isinstance(r.entry.loop, LinearController)}
     if linear:
         section.figure(plots.plot_loops(comparison.drive, linear), "Loop gains, broken at the command.")
-        section.figure(
-            plots.plot_trade(fast),
-            "What accuracy costs: tracking error with friction over the linear loop's disk margin.",
-        )
     return section
 
 
@@ -130,7 +155,7 @@ def _on_rig(result: Result) -> tuple[str, str]:
     return ("–", "–") if of is None else (cell(of.gain_margin, 4), cell(1e3 * of.delay_margin, 4))
 
 
-def _robustness(comparison: Comparison, units: Units) -> Section:
+def _robustness(comparison: Comparison, chosen: Sequence[Result], units: Units) -> Section:
     section = Section("Robustness", "robustness", units=units)
     section.table(
         ("controller", "stable over draws", "success over draws", "rms e, 5 % [mm]", "50 %", "95 %", "effects survived"),
@@ -147,12 +172,14 @@ def _robustness(comparison: Comparison, units: Units) -> Section:
     effects = [c.name for c in comparison.cases if c.group == "effect"]
     if effects:
         section.heading("rms error with each left-out effect at its typical size [mm]")
-        # one column per group: of seeds the middle one
-        shown = [g.middle for g in comparison.groups]
-        section.table(
-            ("effect", *(r.entry.name for r in shown)),
-            [(name, *(_effect(r, name) for r in shown)) for name in effects],
-        )
+        # of seeds the middle one; beside the first eight, eight at a time
+        rest = [r for r in (g.middle for g in comparison.groups) if r not in chosen]
+        for k, shown in enumerate([chosen, *(rest[i : i + MOST] for i in range(0, len(rest), MOST))]):
+            section.table(
+                ("effect", *(r.entry.name for r in shown)),
+                [(name, *(_effect(r, name) for r in shown)) for name in effects],
+                folded="" if k == 0 else ", ".join(r.entry.name for r in shown),
+            )
         section.text("* : does not settle within the tolerance; ** : leaves the travel or grows.")
     return section
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from baselines.compare import Comparison, Result
     from baselines.lab.lab4_study import Stage
-    from baselines.loop_analysis.limit_cycle import Sustained
+    from baselines.loop_analysis.limit_cycle import LimitCycle
 
 COLOURS = ("#1f5a99", "#d9660f", "#2e7d4f", "#8a3ea8", "#b3202c", "#6b6b6b", "#c79a00", "#127c8a")
 LINES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (6, 1.5, 1.2, 1.5)), (0, (9, 2, 3, 2)))
@@ -83,7 +83,7 @@ def plot_root_loci(linear: LinearDrive, critical: Mapping[str, float | None]) ->
 
 @styled
 def plot_amplitude(
-    curve: Sequence[Sustained], simulated: Sequence[tuple[float, float]], routh: float, lines: Mapping[str, float]
+    curve: Sequence[LimitCycle], simulated: Sequence[tuple[float, float]], routh: float, lines: Mapping[str, float]
 ) -> Figure:
     """Draw the critical gain over the amplitude of the vibration.
 
@@ -275,23 +275,57 @@ def plot_robustness(comparison: Comparison, farthest: float = 1e3) -> Figure:
     return figure
 
 
+MARKERS = "osD^vPX*"
+# Okabe and Ito's colours without the yellow, which is too pale for a marker
+_SAFE = ("#000000", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#6b6b6b")
+
+
 @styled
-def plot_trade(results: Sequence[Result]) -> Figure:
-    """Draw tracking error over the disk margin: what accuracy costs in robustness."""
-    figure = new_figure(3.8)
-    axes = figure.subplots()
-    for i, result in enumerate(results):
-        if result.margins is None or not np.isfinite(result.margins.disk_margin):
-            continue
-        axes.plot(result.margins.disk_margin, result.nominal.rms, "o", color=COLOURS[i % len(COLOURS)])
-        axes.annotate(
-            result.entry.name, (result.margins.disk_margin, result.nominal.rms), xytext=(4, 3), textcoords="offset points",
-            fontsize=7.5,
-        )  # fmt: skip
-    axes.set(yscale="log", xlabel="disk margin", ylabel="rms $x_r - x_2$ [mm]", xlim=(0.0, None))
-    axes.yaxis.set_minor_formatter("{x:g}")
-    axes.tick_params(axis="y", which="minor", labelsize=7)
+def plot_overview(results: Sequence[Result], named: Sequence[Result]) -> Figure:
+    """Draw tracking error over the gain margin and over the vibration left in the dwells, one point a controller.
+
+    Parameters
+    ----------
+    results
+        All controllers.
+    named
+        Those with a colour and a marker of their own; the others are small and grey. What does not settle is hollow.
+    """
+    figure = new_figure(4.4)
+    margin, vibration = figure.subplots(1, 2, sharey=True)
+    margins = {r.entry.name: _gain_margin(r) for r in results}
+    for r in sorted(results, key=lambda r: r in named):
+        i = next((i for i, n in enumerate(named) if n is r), None)
+        colour = "#b0b0b0" if i is None else _SAFE[i % len(_SAFE)]
+        look_of: dict[str, Any] = {
+            "marker": "o" if i is None else MARKERS[i % len(MARKERS)],
+            "color": colour,
+            "markerfacecolor": colour if r.nominal.success else "none",
+            "markersize": 3.5 if i is None else 8.0,
+            "linestyle": "none",
+        }
+        for axes, x in ((margin, margins[r.entry.name]), (vibration, r.nominal.vibration)):
+            if np.isfinite(x) and x > 0.0 and np.isfinite(r.nominal.rms):
+                axes.plot(x, r.nominal.rms, **look_of)
+        if i is not None:
+            vibration.plot([], [], **look_of, label=r.entry.name)
+    vibration.plot([], [], "o", color="#b0b0b0", markersize=3.5, label="others")
+    vibration.plot([], [], "o", color=COMMAND, markerfacecolor="none", markersize=5, label="hollow: does not settle")
+    margin.set(yscale="log", xscale="log", xlabel="gain margin →", ylabel="rms $x_r - x_2$ [mm]")
+    vibration.set(xscale="log", xlabel="← vibration in the dwells [V mm]")
+    for axis in (margin.yaxis, margin.xaxis):
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter("{x:g}")
+    margin.tick_params(axis="both", which="minor", labelsize=7)
+    figure.legend(loc="outside lower center", ncols=5)
     return figure
+
+
+def _gain_margin(result: Result) -> float:
+    """Return the margin on the simulated rig, which every controller has; the linear one where none was tried."""
+    if result.on_rig is not None:
+        return result.on_rig.gain_margin
+    return np.nan if result.margins is None else result.margins.gain_margin
 
 
 @styled

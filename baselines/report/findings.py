@@ -63,7 +63,7 @@ def find(recordings: Sequence[Recording], progress: Progress = lambda _: None) -
     Parameters
     ----------
     recordings
-        A lab day.
+        A data set.
     progress
         Told the name of every step before it begins; there are :data:`STEPS`.
     """

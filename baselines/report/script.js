@@ -31,6 +31,32 @@ document.querySelectorAll("figure").forEach((figure, number) => {
     if (matchMedia("(prefers-reduced-motion: reduce)").matches) { stop(); show(frames.length - 1); } else { start(); }
   }
 });
+// a table of some length is sorted by its columns: numbers by what they begin with, what has none last
+document.querySelectorAll("table").forEach((table) => {
+  const body = table.tBodies[0], heads = table.tHead ? [...table.tHead.rows[0].cells] : [];
+  if (!body || body.rows.length < 4) return;
+  const value = (row, i) => {
+    const text = row.cells[i].textContent.trim(), number = parseFloat(text.replace("−", "-").replace(/^[<>≤≥±]/, ""));
+    return heads[i].classList.contains("n") ? number : text;
+  };
+  heads.forEach((head, i) => {
+    const sort = () => {
+      const down = head.getAttribute("aria-sort") === "ascending", sign = down ? -1 : 1;
+      heads.forEach((other) => other.setAttribute("aria-sort", "none"));
+      head.setAttribute("aria-sort", down ? "descending" : "ascending");
+      const order = (a, b) => {
+        const x = value(a, i), y = value(b, i);
+        if (typeof x === "string") return sign * x.localeCompare(y);
+        return Number.isNaN(x) || Number.isNaN(y) ? Number.isNaN(x) - Number.isNaN(y) : sign * (x - y);
+      };
+      body.append(...[...body.rows].sort(order));
+    };
+    head.setAttribute("aria-sort", "none");
+    head.tabIndex = 0;
+    head.addEventListener("click", sort);
+    head.addEventListener("keydown", (event) => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); sort(); } });
+  });
+});
 // a link into what is folded opens it
 const unfold = () => {
   let target = location.hash && document.getElementById(decodeURIComponent(location.hash.slice(1)));

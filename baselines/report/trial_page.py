@@ -27,7 +27,7 @@ def build_trial_page(
     ]
     return render(
         title="Concealed trial of the diagnosis",
-        subtitle=f"{summary.trials} lab days of rigs simulated by an independent program; truths sealed before the diagnosis",
+        subtitle=f"{summary.trials} data sets of rigs simulated by an independent program; truths sealed before the diagnosis",
         summary=_sentences(summary),
         sections=[s for s in sections if s.blocks],
         footer=f"Made by flexdrive {__version__}, code {engine}: {command}.",
@@ -83,7 +83,7 @@ def _worth(summary: Summary, trials: Sequence[Judged]) -> Section:
     section.figure(
         plots.plot_gains(trials),
         "Left: the critical gain from x2 that each drive predicts. Right: how near the floor the diagnosis comes on "
-        "recordings kept away.",
+        "recordings held out.",
     )
     section.table(
         ("parameter", "median relative error", "truth inside the 95 % interval"),
@@ -114,7 +114,7 @@ def _share(share: Share | None) -> str:
 def _all(trials: Sequence[Judged]) -> Section:
     section = Section("Every trial", "trials", folded=True)
     section.table(
-        ("trial", "kind", "concealed", "found", "rms kept away, before → after (floor) [mm/s]", "faults", "time [s]"),
+        ("trial", "kind", "concealed", "found", "rms held out, before → after (floor) [mm/s]", "faults", "time [s]"),
         [
             (
                 str(t.number),

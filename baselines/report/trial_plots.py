@@ -113,6 +113,6 @@ def plot_gains(trials: Sequence[Judged]) -> Figure:
         for axis in (right.xaxis, right.yaxis):
             axis.set_major_formatter("{x:g}")
             axis.set_minor_formatter(LogFormatter(minor_thresholds=(1.0, 0.4)))
-    right.set_xlabel("rms kept away over floor, before naming")
+    right.set_xlabel("rms held out over floor, before naming")
     right.set_ylabel("after naming")
     return figure

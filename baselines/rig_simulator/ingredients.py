@@ -25,7 +25,7 @@ from baselines.rig_simulator.kernel import (
     VISCOUS_2,
     FloatArray,
 )
-from baselines.rig_simulator.rig import Surroundings
+from baselines.rig_simulator.rig import Disturbances
 from baselines.rig_simulator.truth import Effect, Truth
 
 
@@ -69,12 +69,12 @@ def along_the_track(track: FloatArray, effects: tuple[Effect, ...]) -> FloatArra
     return track
 
 
-def over_time(surroundings: Surroundings, truth: Truth, order: int, rng: np.random.Generator) -> Surroundings:
-    """Return the surroundings with what effects do over time.
+def over_time(disturbances: Disturbances, truth: Truth, order: int, rng: np.random.Generator) -> Disturbances:
+    """Return the disturbances with what effects do over time.
 
     Parameters
     ----------
-    surroundings
+    disturbances
         Of the run.
     truth
         Its effects are applied.
@@ -83,7 +83,7 @@ def over_time(surroundings: Surroundings, truth: Truth, order: int, rng: np.rand
     rng
         For what is random in an effect.
     """
-    table = surroundings.over_time.copy()
+    table = disturbances.over_time.copy()
     t: FloatArray = np.arange(table.shape[1], dtype=np.float64) * SAMPLE_S
     for effect in truth.effects:
         q = effect.parameters
@@ -97,7 +97,7 @@ def over_time(surroundings: Surroundings, truth: Truth, order: int, rng: np.rand
             table[FORCE_1] += q["pull_1"]
             table[FORCE_2] += q["pull_2"]
         _outside(table, t, q, rng)
-    return replace(surroundings, over_time=table)
+    return replace(disturbances, over_time=table)
 
 
 def _outside(table: FloatArray, t: FloatArray, q: Mapping[str, float], rng: np.random.Generator) -> None:

@@ -1,4 +1,4 @@
-"""``python -m baselines.rig_simulator.make``: make one concealed lab day and seal its truth."""
+"""``python -m baselines.rig_simulator.make``: make one concealed data set and seal its truth."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ from baselines.rig_simulator.kernel import (
     VISCOUS_2,
     FloatArray,
 )
-from baselines.rig_simulator.rig import Surroundings
+from baselines.rig_simulator.rig import Disturbances
 
 NOISE_BAND_HZ = 50.0
 
@@ -136,7 +136,7 @@ def track_of(nuisance: Nuisance, rng: np.random.Generator) -> FloatArray:
 
 def surroundings_of(
     nuisance: Nuisance, track: FloatArray, n: int, band: float, rng: np.random.Generator
-) -> Surroundings:
+) -> Disturbances:
     """Draw what is special to one run.
 
     Parameters
@@ -163,4 +163,4 @@ def surroundings_of(
     place = nuisance.place * float(rng.standard_normal())
     deflection = float(rng.uniform(-0.7, 0.7)) * band
     phases = (float(rng.random()), float(rng.random()))
-    return Surroundings(table, track, place, deflection if nuisance.place > 0.0 else 0.0, phases)
+    return Disturbances(table, track, place, deflection if nuisance.place > 0.0 else 0.0, phases)

@@ -1,4 +1,4 @@
-"""One lab day: which runs, what the encoders report of them, and the files."""
+"""One data set: which runs, what the encoders report of them, and the files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An independent simulation of the rig: one run, from a command and surroundings to encoder counts."""
+"""An independent simulation of the rig: one run, from a command and disturbances to encoder counts."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Motion:
 
 
 @dataclass(frozen=True, eq=False)
-class Surroundings:
+class Disturbances:
     """Everything about a run that is not the drive: where and how it starts, and the tables.
 
     Attributes
@@ -128,16 +128,16 @@ def p_law(gain: float, feedback: int = 2) -> Law:
     return Law(np.zeros((0, 0)), np.zeros((0, 3)), np.zeros((2, 0)), D, np.zeros(0))
 
 
-def quiet(n: int) -> Surroundings:
-    """Return surroundings without any nuisance, for n samples."""
+def quiet(n: int) -> Disturbances:
+    """Return disturbances without any nuisance, for n samples."""
     table = np.ones((7, n + 1))
     table[[FORCE_1, FORCE_2]] = 0.0
-    return Surroundings(table, np.zeros((4, TRACK_POINTS)))
+    return Disturbances(table, np.zeros((4, TRACK_POINTS)))
 
 
 def run(
     values: Mapping[str, float],
-    surroundings: Surroundings,
+    disturbances: Disturbances,
     command: FloatArray,
     *,
     gain: float = 0.0,
@@ -154,7 +154,7 @@ def run(
     ----------
     values
         Numbers named in :mod:`baselines.rig_simulator.kernel`; m1, m2, b1, b2, k, d1, d2 at least.
-    surroundings
+    disturbances
         Start and tables.
     command : ndarray, shape (n,)
         u [V], or the reference xr [mm] if ``gain`` is positive, or a law or a black box is given.
@@ -183,7 +183,7 @@ def run(
         raise ValueError("asked: one controller runs the rig; got a law or a gain too. Leave one of them out.")
     n = len(command)
     u, counts, states, shown = np.zeros(n), np.zeros((2, n)), np.zeros((4, n)), np.zeros((2, n))
-    s = surroundings
+    s = disturbances
     start = np.array([s.place, s.place - s.deflection, s.phases[0], s.phases[1]])
     if law is None and gain > 0.0:
         law = p_law(gain, feedback)

@@ -25,7 +25,7 @@ LARGEST_MM = 100.0
 
 
 class Evaluation:
-    """Drives around one, and references, that are kept away from training.
+    """Drives around one, and references, that are held out from training.
 
     Parameters
     ----------

@@ -90,7 +90,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Trained:
-    """What a training found: the best agent, and (steps, seconds, rms error on references kept away) along the way.
+    """What a training found: the best agent, and (steps, seconds, rms error on references held out) along the way.
 
     Errors are in the rig's units, as scores are.
     """
@@ -161,7 +161,7 @@ def train(
     resume
         Go on from the folder's checkpoint. The plan may ask for more steps than it did; all else must be the same.
     tell
-        Told the steps done and the last error on references kept away, in the rig's units.
+        Told the steps done and the last error on references held out, in the rig's units.
 
     Raises
     ------

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from flexdrive_gym.drive import parameters
 from flexdrive_gym.drive import simulate as simulation
+from flexdrive_gym.drive.controller import Controller
 from flexdrive_gym.drive.linear import LinearDrive
 from flexdrive_gym.recording import FloatArray, Recording
 from flexdrive_gym.units import LAB, Units, in_rig_units, measured_in
@@ -325,7 +326,7 @@ class Drive:
         self,
         t: npt.ArrayLike,
         reference: npt.ArrayLike,
-        controller: simulation.Controller,
+        controller: Controller,
         *,
         start: npt.ArrayLike = (0.0, 0.0, 0.0, 0.0),
         physics_step: float = 1e-3,
@@ -341,8 +342,8 @@ class Drive:
         reference : array_like, shape (n,)
             xr [mm].
         controller
-            Called with an :class:`~flexdrive_gym.drive.simulate.Observation`, returns the command [V]; limited to
-            the drive's saturation. A :class:`~flexdrive_gym.drive.simulate.PControl` or
+            Called with an :class:`~flexdrive_gym.drive.controller.Observation`, returns the command [V]; limited to
+            the drive's saturation. A :class:`~flexdrive_gym.drive.p_control.PControl` or
             :class:`~flexdrive_gym.drive.linear_controller.LinearController` of this period runs in the compiled loop.
         start, physics_step, travel_limit, name
             As in :meth:`simulate`.

@@ -211,7 +211,7 @@ def begin(state: Any, sample_time: float, substeps: int, memory: Any, z: Any, p:
 
 
 @kernel
-def run_abreast(
+def run_lockstep(
     states: Any,
     u: Any,
     first: int,

@@ -33,7 +33,6 @@ PARAMETER_ROWS = N_BASE_PARAMETERS + 2 + RESPONSES
 # entries of ``task``, the constants of an environment
 PERIOD, TRAVEL, STROKE, WEIGHT_TRACKING, WEIGHT_EFFORT, WEIGHT_RATE, WEIGHT_FAILURE = 0, 1, 2, 3, 4, 5, 6
 ERROR_SCALE, VOLTAGE, HORIZON, NOISE = 7, 8, 9, 10
-TASK_ENTRIES = 11
 
 # the block: range of drives, sizes, what a kernel reports (ENDED: how many episodes), then addresses
 LOW, HIGH, DRIVES, SENSING, SUBSTEPS, LEAPS, ENTRIES, PREVIEWS, SAMPLES, REFERENCES = range(10)

@@ -22,16 +22,13 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from flexdrive_gym.drive import loop, parameters
-from flexdrive_gym.drive.sample import WORK_SPACE
+from flexdrive_gym.drive.controller import Observation
+from flexdrive_gym.drive.loop import Law
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.units import Units
 
 if TYPE_CHECKING:
     import control
-
-    from flexdrive_gym.drive.drive import Drive
-    from flexdrive_gym.drive.simulate import Observation
 
 INPUT_NAMES = ("xr", "x1", "x2")
 # what an input of that name is made of
@@ -287,11 +284,12 @@ class LinearController:
         given = np.asarray(xr, dtype=np.float64)
         return np.repeat(self.shape(given[::every]), every)[: len(given)]
 
-    def law(self) -> FloatArray:
-        """Return the controller as the compiled loop reads it, ndarray."""
+    def law(self, every: int = 1) -> Law:
+        """Return the controller as the compiled loop reads it, for a rig whose samples it takes every so many."""
         assert self.L is not None
         constants = np.array([self.limit, self.friction, self.threshold])
-        return np.concatenate([constants, *(m.ravel() for m in (self.A, self.B, self.C, self.D)), self.L])
+        entries = np.concatenate([constants, *(m.ravel() for m in (self.A, self.B, self.C, self.D)), self.L])
+        return Law(entries, self.order, every)
 
     def state_space(self) -> control.StateSpace:
         """Return the linear part from (xr, x1, x2) to u as a python-control object; the shaper is left out."""
@@ -300,91 +298,3 @@ class LinearController:
         return control.ss(
             self.A, self.B, self.C[:1], self.D[:1], self.sample_time, inputs=list(INPUT_NAMES), outputs=["u"]
         )
-
-
-def run_batch(
-    drives: Sequence[Drive],
-    xr: npt.ArrayLike,
-    controller: LinearController,
-    *,
-    gains: npt.ArrayLike = 1.0,
-    late: npt.ArrayLike = 0,
-    disturbance: npt.ArrayLike = 0.0,
-    start: npt.ArrayLike = (0.0, 0.0, 0.0, 0.0),
-    true_states: bool = True,
-    sample_time: float | None = None,
-    physics_step: float = 1e-3,
-) -> FloatArray:
-    """Run one controller on many drives in the compiled loop.
-
-    Parameters
-    ----------
-    drives
-        One per job.
-    xr : array_like, shape (n,)
-        Reference at the rig's samples [mm], before the controller's shaper.
-    controller
-        A linear controller.
-    gains, late : array_like, shape (jobs,) or scalar
-        Factor on the command, and whole samples of the rig by which it is held back, for trials of margins.
-    disturbance : array_like, shape (n,) or scalar
-        Added to the command [V].
-    start : array_like, shape (4,)
-        x1 [mm], v1 [mm/s], x2 [mm], v2 [mm/s].
-    true_states
-        Whether the carts' true states are returned, or what the encoders report.
-    sample_time
-        Of the rig [s]; ``None``: the controller's own. A slower controller's command is held between its samples.
-    physics_step
-        Longest step of the integration [s].
-
-    Returns
-    -------
-    ndarray, shape (jobs, 5, n)
-        x1, v1, x2, v2 (true states) or x1, x2, v1, v2 (readings), and u.
-
-    Raises
-    ------
-    ValueError
-        If the controller's sample time is no whole multiple of the rig's.
-    """
-    rig_time = controller.sample_time if sample_time is None else sample_time
-    every = controller.every(rig_time)
-    if every is None:
-        raise ValueError(
-            f"sample_time: the controller's {controller.sample_time:g} s must be a whole number of the rig's samples; got "
-            f"{rig_time:g} s. Design the controller for a multiple of it."
-        )
-    shaped = controller.shape_held(xr, every)
-    jobs, n = len(drives), len(shaped)
-    factor = np.ascontiguousarray(np.broadcast_to(np.asarray(gains, dtype=np.float64), (jobs,)))
-    held = np.ascontiguousarray(np.broadcast_to(np.asarray(late, dtype=np.int64), (jobs,)))
-    pushed = np.ascontiguousarray(np.broadcast_to(np.asarray(disturbance, dtype=np.float64), (n,)))
-    out, law = np.empty((jobs, 5, n)), controller.law()
-    plans: dict[tuple[int, bool], list[int]] = {}
-    for j, drive in enumerate(drives):
-        steps = parameters.substeps(drive.values, rig_time, physics_step)
-        plans.setdefault((steps, parameters.workspace(drive.values) is None), []).append(j)
-    for (steps, _base), chosen in plans.items():
-        part = np.empty((len(chosen), 5, n))
-        loop.run_linear(
-            shaped,
-            law,
-            controller.order,
-            every,
-            factor[chosen],
-            held[chosen],
-            pushed,
-            int(true_states),
-            rig_time,
-            steps,
-            np.array(start, dtype=np.float64),
-            np.zeros(WORK_SPACE),
-            np.zeros(2 * controller.order + 1),
-            np.zeros(int(held.max(initial=0)) + 1),
-            parameters.workspace(drives[chosen[0]].values),
-            np.array([drives[j].vector() for j in chosen]),
-            part,
-        )
-        out[chosen] = part
-    return out

@@ -7,19 +7,82 @@ in :mod:`~flexdrive_gym.drive.kernels`; it holds no equation of the drive. The c
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
 
 from flexdrive_gym.drive.compilation import inlined, kernel, pointer, shifted
 from flexdrive_gym.drive.effects import N_PARAMETERS
 from flexdrive_gym.drive.forces import limited
 from flexdrive_gym.drive.piece import tabulate
-from flexdrive_gym.drive.sample import MEMORY, advance, clear, measure, power_up
+from flexdrive_gym.drive.sample import MEMORY, WORK_SPACE, advance, clear, measure, power_up
 from flexdrive_gym.drive.step import step
+from flexdrive_gym.recording import FloatArray
 
 # entries of the law before the matrices: command limit [V], friction level [V], velocity of full compensation [mm/s]
 CONSTANTS = 3
 _LIMIT, _FRICTION, _THRESHOLD = 0, 1, 2
 INPUTS, OUTPUTS = 3, 2
+
+
+class Law(NamedTuple):
+    """A controller as the compiled loop reads it.
+
+    Attributes
+    ----------
+    entries : ndarray
+        Constants, A, B, C, D and L, row by row.
+    states
+        How many it has.
+    every
+        Samples of the rig per sample of the controller, over which its command is held.
+    """
+
+    entries: FloatArray
+    states: int
+    every: int
+
+
+class Trials(NamedTuple):
+    """What differs from the plain loop, per job.
+
+    Attributes
+    ----------
+    gains : ndarray, shape (jobs,)
+        Factor on the command between controller and drive: 1, or what a gain margin is tried with.
+    late : ndarray of int, shape (jobs,)
+        Whole samples by which the command is held back: 0, or what a delay margin is tried with.
+    disturbance : ndarray, shape (n,)
+        Added to the command behind the controller [V].
+    """
+
+    gains: FloatArray
+    late: npt.NDArray[np.int64]
+    disturbance: FloatArray
+
+
+class Rigs(NamedTuple):
+    """The drives of the jobs, and how they are sampled.
+
+    Attributes
+    ----------
+    p : ndarray, shape (jobs, n_parameters)
+    z : ndarray, shape (WORKSPACE,), or None
+        Workspace where the drives have effects beyond the base.
+    start : ndarray, shape (4,)
+        x1, v1, x2, v2 [mm, mm/s].
+    sample_time
+        [s]
+    substeps
+        Of the integration per sample.
+    """
+
+    p: FloatArray
+    z: FloatArray | None
+    start: FloatArray
+    sample_time: float
+    substeps: int
 
 
 @inlined
@@ -49,69 +112,50 @@ def _update(states: int, law: Any, x: Any, xr: float, r1: float, r2: float, exce
         x[i] = x[states + i]
 
 
-@kernel
-def run_linear(
-    xr: Any,
-    law: Any,
-    states: int,
-    every: int,
-    gains: Any,
-    late: Any,
-    disturbance: Any,
-    true_states: int,
-    sample_time: float,
-    substeps: int,
-    start: Any,
-    memory: Any,
-    scratch: Any,
-    queue: Any,
-    z: Any,
-    p: Any,
-    out: Any,
-) -> None:
+def run_linear(xr: FloatArray, law: Law, trials: Trials, rigs: Rigs, *, true_states: bool) -> FloatArray:
     """Run one linear controller on many drives, from one start.
 
     Parameters
     ----------
     xr : ndarray, shape (n,)
         Reference as the controller sees it, shaped already [mm].
-    law : ndarray, shape (LAW,)
-        Constants, A, B, C, D and L of the controller, row by row.
-    states
-        Of the controller.
-    every
-        Samples of the rig per sample of the controller, over which its command is held.
-    gains : ndarray, shape (jobs,)
-        Factor on the command between controller and drive: 1, or what a gain margin is tried with.
-    late : ndarray of int, shape (jobs,)
-        Whole samples by which the command is held back: 0, or what a delay margin is tried with.
-    disturbance : ndarray, shape (n,)
-        Added to the command behind the controller [V].
+    law, trials, rigs
+        The controller, what is tried with it, and the drives.
     true_states
-        1 to write the carts' true states, 0 to write what the encoders report.
-    scratch : ndarray, shape (2·states + 1,)
-    queue : ndarray, shape (largest late + 1,)
-    p : ndarray, shape (jobs, n_parameters)
-    out : ndarray, shape (jobs, 5, n)
-        Written: x1, v1, x2, v2 (true), or x1, x2, v1, v2 (readings); then u as it reaches the drive [V].
+        Whether the carts' true states are returned, or what the encoders report.
+
+    Returns
+    -------
+    ndarray, shape (jobs, 5, n)
+        x1, v1, x2, v2 (true), or x1, x2, v1, v2 (readings); then u as it reaches the drive [V].
     """
-    n = xr.shape[0]
-    m, w, c, x, fifo, parameters = (
-        pointer(memory),
-        pointer(z),
-        pointer(law),
-        pointer(scratch),
-        pointer(queue),
-        pointer(p),
-    )
+    out = np.empty((len(trials.gains), 5, len(xr)))
+    work = Work(np.zeros(WORK_SPACE), np.zeros(2 * law.states + 1), np.zeros(int(trials.late.max(initial=0)) + 1))
+    _run(xr, law, trials, rigs, work, true_states, out)
+    return out
+
+
+class Work(NamedTuple):
+    """Memory of the step, of the controller's state, and of the commands that are held back."""
+
+    memory: FloatArray
+    state: FloatArray
+    queue: FloatArray
+
+
+@kernel
+def _run(xr: Any, law: Law, trials: Trials, rigs: Rigs, work: Work, true_states: bool, out: Any) -> None:
+    n, states, every, sample_time, substeps = xr.shape[0], law.states, law.every, rigs.sample_time, rigs.substeps
+    m, w, c, x = pointer(work.memory), pointer(rigs.z), pointer(law.entries), pointer(work.state)
+    fifo, parameters, disturbance, start = pointer(work.queue), pointer(rigs.p), trials.disturbance, rigs.start
     table = shifted(m, MEMORY)
-    for j in range(gains.shape[0]):
+    for j in range(trials.gains.shape[0]):
         q = shifted(parameters, j * N_PARAMETERS)
         tabulate(sample_time / substeps, table, q)
         x1, v1, x2, v2 = start[0], start[1], start[2], start[3]
         clear(v1, v2, m, w, q)
         r1, r2, s1, s2 = power_up(x1, v1, x2, v2, sample_time, m, w, q)
-        gain, held = gains[j], late[j]
+        gain, held = trials.gains[j], trials.late[j]
         for i in range(2 * states):
             x[i] = 0.0
         for i in range(held + 1):
@@ -127,7 +171,7 @@ def run_linear(
                 _update(states, c, x, xr[i], r1, r2, allowed - u)
             fifo[i % (held + 1)] = allowed
             command = limited(gain * fifo[(i + 1) % (held + 1)] + disturbance[i], q)
-            if true_states == 1:
+            if true_states:
                 out[j, 0, i], out[j, 1, i], out[j, 2, i], out[j, 3, i] = x1, v1, x2, v2
             else:
                 out[j, 0, i], out[j, 1, i], out[j, 2, i], out[j, 3, i] = r1, r2, s1, s2

@@ -2,99 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from math import inf, isfinite
-from typing import Any, Literal, Protocol
+from collections.abc import Mapping
+from math import inf
 
 import numpy as np
 import numpy.typing as npt
 
 from flexdrive_gym.drive import kernels, loop, parameters
+from flexdrive_gym.drive.controller import Controller, Observation, command_of
 from flexdrive_gym.drive.linear_controller import LinearController
+from flexdrive_gym.drive.p_control import PControl
 from flexdrive_gym.drive.sample import WORK_SPACE
 from flexdrive_gym.recording import Excitation, FloatArray, Recording
 
 Values = Mapping[str, float]
-
-
-@dataclass(frozen=True)
-class Observation:
-    """What a controller on the rig knows at one sample: time [s], reference, encoders [mm], velocities [mm/s]."""
-
-    t: float
-    xr: float
-    x1: float
-    x2: float
-    v1: float
-    v2: float
-
-
-class Controller(Protocol):
-    """Anything that turns an observation into a command [V]."""
-
-    def reset(self) -> None:
-        """Forget the past; called once before a run."""
-
-    def __call__(self, observation: Observation, /) -> float:
-        """Return the command [V]."""
-
-
-# readings beyond are of a run that left all bounds [mm, mm/s]
-FAR = 1e9
-
-
-def command_of(controller: Callable[[Observation], Any], observation: Observation) -> float:
-    """Ask a controller for its command [V].
-
-    Raises
-    ------
-    TypeError, ValueError
-        If the answer is no number, or nan or infinite although what the controller saw was a drive's. A run that left all
-        bounds is a result, and passes.
-    """
-    given = controller(observation)
-    try:
-        u = float(given)
-    except (TypeError, ValueError) as error:
-        raise TypeError(
-            f"controller: must return one number, the command [V]; got {given!r}. Return a float."
-        ) from error
-    seen = observation
-    if not isfinite(u) and abs(seen.xr) + abs(seen.x1) + abs(seen.x2) + abs(seen.v1) + abs(seen.v2) < FAR:
-        raise ValueError(
-            f"controller: must return a finite command [V]; got {u} at t = {seen.t:g} s from finite readings. Look for a "
-            "division by zero, or a state that grew without bounds."
-        )
-    return u
-
-
-@dataclass(frozen=True)
-class PControl:
-    """The handout's P-control: u = Kp·(xr - x), from x2 (non-collocated) or x1 (collocated)."""
-
-    gain: float
-    feedback: Literal["x1", "x2"] = "x2"
-
-    def __post_init__(self) -> None:
-        if not isfinite(self.gain):
-            raise ValueError(f"gain: must be a finite number [V/mm]; got {self.gain}.")
-        if self.feedback not in ("x1", "x2"):
-            raise ValueError(f"feedback: must be 'x1' or 'x2'; got {self.feedback!r}.")
-
-    def reset(self) -> None:
-        """Do nothing: there is no state."""
-
-    def __call__(self, observation: Observation, /) -> float:
-        """Return Kp·(xr - x) [V]."""
-        x = observation.x1 if self.feedback == "x1" else observation.x2
-        return self.gain * (observation.xr - x)
-
-    def linear(self, sample_time: float = 1e-3) -> LinearController:
-        """Return the same law as a linear controller."""
-        return LinearController.from_tf(
-            self.gain, 1.0, reads=self.feedback, domain="z", sample_time=sample_time, name=f"p_{self.feedback}"
-        )
 
 
 def uniform(t: npt.ArrayLike, values: npt.ArrayLike, name: str) -> tuple[FloatArray, FloatArray]:
@@ -211,13 +132,9 @@ def closed_loop(
         kernels.run_p_control(xr, controller.gain, number, sample_time, steps, state, memory, z, p, readings, u)
         excitation = Excitation("closed_loop", excitation.amplitude, 0.0, controller.feedback, controller.gain)
     elif isinstance(controller, LinearController) and (every := controller.every(sample_time)) is not None:
-        out = np.empty((1, 5, len(t)))
-        none, whole = np.zeros(len(t)), np.zeros(1, dtype=np.int64)
-        work = np.zeros(2 * controller.order + 1)
-        loop.run_linear(
-            controller.shape_held(xr, every), controller.law(), controller.order, every, np.ones(1), whole, none, 0,
-            sample_time, steps, state, memory, work, np.zeros(1), z, p[None, :], out,
-        )  # fmt: skip
+        trials = loop.Trials(np.ones(1), np.zeros(1, dtype=np.int64), np.zeros(len(t)))
+        rigs = loop.Rigs(p[None, :], z, state, sample_time, steps)
+        out = loop.run_linear(controller.shape_held(xr, every), controller.law(every), trials, rigs, true_states=False)
         readings, u = np.ascontiguousarray(out[0, :4]), out[0, 4].copy()
     else:
         limit = values.get("saturation.limit", inf)

@@ -50,4 +50,4 @@ def _command(recording: Recording) -> FloatArray:
 def _differ(a: FloatArray, b: FloatArray) -> float:
     n = min(len(a), len(b))
     scale = float(np.sqrt(np.mean(a[:n] ** 2) + np.mean(b[:n] ** 2))) / np.sqrt(2.0)
-    return float(np.sqrt(np.mean((a[:n] - b[:n]) ** 2))) / max(scale, 1e-300)
+    return float(np.sqrt(np.mean((a[:n] - b[:n]) ** 2)) / max(scale, 1e-300))

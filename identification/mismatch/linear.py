@@ -143,10 +143,11 @@ def linearise(
                 columns.append(found[k])
         entries.append(Entry(c, tuple(place[k] for k in keys)))
     names = {c.name for c in present}
-    for free, made in [
+    free_ones: list[tuple[Shape | Phase, Sequence[FloatArray]]] = [
         *((s, bench.pushed(model.values, s.forces, s.size)) for s in shapes),
         *((p, change) for p, change in phases(bench, model.values) if p.name in names),
-    ]:
+    ]
+    for free, made in free_ones:
         first = len(columns)
         columns += [p for p in made if np.any(p)]
         if len(columns) > first:

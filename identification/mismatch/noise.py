@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
@@ -240,7 +241,7 @@ def _most_likely(
         return float(0.5 * (w @ w) + 0.5 * logarithm.sum() + 0.5 * np.sum((theta / _BETWEEN_RIGS) ** 2))
 
     simplex = start + np.vstack([np.zeros(5), np.eye(5)])
-    options = {"maxfev": _EVALUATIONS, "xatol": 0.03, "fatol": 0.5, "initial_simplex": simplex}
+    options: Any = {"maxfev": _EVALUATIONS, "xatol": 0.03, "fatol": 0.5, "initial_simplex": simplex}
     return np.asarray(minimize(cost, start, method="Nelder-Mead", options=options).x)
 
 
@@ -251,7 +252,7 @@ def _own(bench: Bench, noise: Noise, rest: FloatArray) -> FloatArray:
     count = np.array([max(int(bench.moves[rows].sum()), 1) for rows in bench.rows])
     square = np.array([float(w[rows] @ w[rows]) for rows in bench.rows]) / count
     share = bench.settings.own_share
-    return np.sqrt(np.clip(share * square + (1.0 - share), 0.1, 10.0))
+    return np.asarray(np.sqrt(np.clip(share * square + (1.0 - share), 0.1, 10.0)))
 
 
 def _amplitudes(

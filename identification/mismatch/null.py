@@ -132,12 +132,8 @@ def simulated(
 ) -> FloatArray:
     """Return rows of simulated data sets against the drive itself, shape (N, draws)."""
     here = bench.residual(values, [np.zeros((2, len(run.u))) for run in bench.runs])
-    forces = [d for d in found if d.force is not None]
-    shapes = [
-        np.array([d.force(r) for d in forces], dtype=np.float32)
-        for r in range(len(bench.runs))
-        if forces  # type: ignore[misc]
-    ]
+    forces = [d.force for d in found if d.force is not None]
+    shapes = [np.array([force(r) for force in forces], dtype=np.float32) for r in range(len(bench.runs)) if forces]
     moved = [d for d in found if d.force is None]
     # what disturbs a cart is friction for the most part: at rest it holds, as the recordings show
     moves = [

@@ -230,7 +230,8 @@ class Selector:
         bench, seed = self.bench, [self.seed, number]
         named = {s.name for s, _ in taken}
         candidates = [c for c in self.candidates if c.name not in named]
-        model, fits = base, {}
+        model = base
+        fits: dict[Name, tuple[Candidate, Fit]] = {}
         for turn in range(2):
             # what is noise is told by a model that lacks nothing: first one that has candidates linearly, then the best fit
             found = (*directions(bench, model.values), *phases)
@@ -314,7 +315,7 @@ class Selector:
             if bench.valid[p.rows].any()
         ]
         seen = [s for p, s in zip(bench.pieces, bench.signal, strict=True) if bench.valid[p.rows].any()]
-        return sum(errors) > self.settings.far * sum(seen)
+        return bool(sum(errors) > self.settings.far * sum(seen))
 
     def _better_base(self, base: Fit, noise: Noise, fits: Mapping[Name, tuple[Candidate, Fit]]) -> tuple[Fit, float]:
         """Refit the base model from the candidates' optima: a better optimum of it must not pass for a gain.

@@ -28,6 +28,7 @@ from scipy.linalg import expm
 
 from flexdrive_gym.drive.compilation import kernel
 from flexdrive_gym.recording import BoolArray, FloatArray
+from identification.mismatch.experiments import IntArray
 
 STATES = 8
 # time in which a deviation of a cart at rest ends [s]
@@ -160,7 +161,7 @@ def innovations(
 def whitened(
     A: FloatArray,
     Q: FloatArray,
-    mode: FloatArray,
+    mode: IntArray,
     start: FloatArray,
     rounding: FloatArray,
     rows: FloatArray,

@@ -262,32 +262,6 @@ def _known(label: str, name: str) -> Column | None:
     return None if signal is None else Column(label, signal)
 
 
-def recognise_column(label: str, source: str = "columns") -> Column | None:
-    """Return the signal and unit of a column name, or ``None`` for an unknown name.
-
-    Parameters
-    ----------
-    label
-        Name as found in the file, for example ``v1 [mm/sec]``.
-    source
-        File name for the error message.
-
-    Returns
-    -------
-    Column or None
-        Without a unit s, V, mm and mm/s are assumed.
-
-    Raises
-    ------
-    RecordingError
-        If the name is known but its unit is none of the lab's.
-    """
-    column = read_label(label)
-    if column is not None and column.factor != column.factor:
-        raise no_unit(source, label, column.signal, column.unit)
-    return column
-
-
 def conversion(column: Column, wanted: str) -> float | None:
     """Return the factor from a column's unit to the rig's, or ``None`` where they are of different kinds.
 

@@ -46,7 +46,7 @@ def _of_lanes(x: Any, first: Any, step: int, i: int) -> Any:
 
 
 @kernel
-def replay_interleaved(
+def replay_lanes(
     groups: Any,
     h: Any,
     lanes: Any,
@@ -108,7 +108,7 @@ def replay_interleaved(
                 r1, r2, s1, s2 = measure(x1, v1, x2, v2, t + h[g], h[g], m, w, q)
 
 
-class Interleaved:
+class LaneReplay:
     """Prepared recordings, held from sample to sample, in groups of lanes.
 
     Parameters
@@ -194,7 +194,7 @@ class Interleaved:
         force = np.zeros(0) if pushes is None else np.concatenate([f.ravel() for f in pushes])
         own = np.zeros(0) if levels is None else levels[self._places[asked]].swapaxes(1, 2).ravel()
         out = np.empty(self._rows) if out is None else out
-        replay_interleaved(
+        replay_lanes(
             groups, h, self._told, self._starts[asked], offsets[self._places[asked]], self._carts,
             self._kinds[0].positions, RUNAWAY, p, np.zeros(MEMORIES), np.zeros(WORKSPACES), force, own, out,
         )  # fmt: skip

@@ -16,6 +16,7 @@ from flexdrive_gym import Drive, load_drive, save_drive
 from identification import write_recording
 from tests.baselines.public_data.stand_ins import lose, write_carriage
 from tests.drive.drives import RIG
+from tests.each import each
 from tests.identification.mismatch.lab import KINDS, T, data_set
 
 COMMANDS = [command.callback.__name__ for command in app.registered_commands]
@@ -57,23 +58,23 @@ def folder(tmp_path_factory):
 def test_the_contract_names_every_command():
     assert set(COMMANDS) == {
         "demo", "identify", "validate", "stability", "experiment", "diagnose", "design", "train", "compare", "report",
-        "blind", "benchmark", "check", "export", "lab", "migrate", "term",
+        "blind", "benchmark", "check", "export", "lab", "migrate", "rigs", "term",
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@each("command", COMMANDS)
 def test_help(command):
     result = flexdrive(command, "--help")
     assert result.returncode == 0
     assert "--json" in result.stdout
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@each("command", COMMANDS)
 def test_wrong_usage_exits_2(command):
     assert flexdrive(command, "--no-such-option").returncode == 2
 
 
-@pytest.mark.parametrize("command", [c for c in COMMANDS if c not in {"demo", "benchmark"}])
+@pytest.mark.parametrize("command", [c for c in COMMANDS if c not in {"demo", "benchmark", "rigs"}])
 def test_a_missing_file_is_named_and_nothing_is_written(command, tmp_path):
     option = {"stability": "--gain", "lab": "--port"}.get(command, "-o")
     result = flexdrive(command, "no/such/thing", option, "1", cwd=tmp_path)
@@ -239,6 +240,26 @@ def test_benchmark_prints_what_it_writes(tmp_path):
     lost = next(f for f in found["faults"] if f["id"] == "missing_samples")
     assert (lost["recording"], lost["where"]) == ("train", "encoder_1")
     assert (lost["start_s"], lost["end_s"]) == pytest.approx((2.0, 2.004))
+
+
+def test_rigs_that_are_absent_are_listed(tmp_path):
+    (tmp_path / "data").mkdir()
+    result = flexdrive("rigs", "--data", "data", "-o", "out", "--json", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    found = json.loads(result.stdout)
+    assert found == json.loads((tmp_path / "out" / "rigs.json").read_text(encoding="utf-8"))
+    assert len(found["absent"]) == len(found["rigs"]) == 9
+    assert "Absent: ecp210_2025" in (tmp_path / "out" / "rigs.html").read_text(encoding="utf-8")
+
+
+def test_rigs_names_what_is_wrong(tmp_path):
+    result = flexdrive("rigs", "--data", "no/such/folder", "-o", "out", cwd=tmp_path)
+    assert result.returncode == 2
+    assert "no/such/folder" in result.stderr.replace("\n", "")
+    wrong = flexdrive("rigs", "--data", ".", "-o", "out", "--only", "emp", cwd=tmp_path)
+    assert wrong.returncode == 2
+    assert "emps" in wrong.stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_benchmark_names_what_is_missing(tmp_path):

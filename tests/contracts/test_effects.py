@@ -3,13 +3,13 @@
 from importlib import import_module
 
 import numpy as np
-import pytest
 
 from flexdrive_gym import Drive
 from flexdrive_gym.drive.effects import EFFECTS, LAYOUT
 from flexdrive_gym.drive.parameters import vector
 from flexdrive_gym.references import square
 from tests.drive.drives import RIG
+from tests.each import each
 
 T = np.arange(1501) * 1e-3
 U = square(T, 2.0, 1.0)
@@ -21,7 +21,7 @@ CATALOGUE = {
     "coupling_backlash", "coil_bind", "spring_damping", "spring_hysteresis", "dead_zone", "saturation", "input_delay",
     "amplifier_lag", "gain_asymmetry", "input_offset", "cogging", "motor_gear_backlash", "gain_drift", "tilt",
     "ground_spring", "encoder_scale", "encoder_delay", "encoder_eccentricity", "encoder_play", "extra_mode",
-    "rectified_sensor", "base_recoil",
+    "rectified_sensor", "base_recoil", "saturating_friction",
 }  # fmt: skip
 
 
@@ -34,7 +34,7 @@ def test_the_catalogue_is_complete():
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.id)
+@each("effect", EFFECTS, ids=lambda e: e.id)
 def test_documents_itself(effect):
     module = import_module(f"flexdrive_gym.drive.effects.{effect.id}")
     assert module.EFFECT is effect
@@ -52,7 +52,7 @@ def test_documents_itself(effect):
         assert all(parameter.lower <= start <= parameter.upper for start in parameter.starts)
 
 
-@pytest.mark.parametrize("key", LAYOUT)
+@each("key", LAYOUT)
 def test_null_is_exactly_the_identity(key):
     without = {k: v for k, v in RIG.items() if k != key}
     with_null = Drive({**without, key: LAYOUT[key].parameter.null})
@@ -61,7 +61,7 @@ def test_null_is_exactly_the_identity(key):
         assert np.array_equal(getattr(a, name), getattr(b, name))
 
 
-@pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.id)
+@each("effect", EFFECTS, ids=lambda e: e.id)
 def test_does_something_when_present(effect):
     for where in effect.where:
         values = dict(RIG)

@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from baselines.cli import app
 from flexdrive_gym import DEFAULT_DRIVE, save_drive
+from tests.each import each
 
 COMMANDS = typer.main.get_command(app).commands
 FUNCTIONS = {command.callback.__name__: command.callback for command in app.registered_commands}
@@ -51,7 +52,7 @@ def parsed(command, option, value, place):
     needed = {"DRIVE": "drive.toml", "DRIVE...": "drive.toml", "RECORDINGS...": "run.csv", "FOLDER...": "."}
     arguments = [str(place / needed[p.metavar]) if p.metavar != "NAME" else "emps" for p in COMMANDS[command].params
                  if p.param_type_name == "argument" and p.required]  # fmt: skip
-    if command == "benchmark":
+    if command in {"benchmark", "rigs"}:
         arguments += ["--data", str(place)]
     if command == "export":
         arguments += ["--to", "matlab"]
@@ -69,14 +70,14 @@ def test_there_are_numbers_to_try():
     assert {"compare--draws", "stability--gain", "train--envs"} <= set(IDS)
 
 
-@pytest.mark.parametrize(("command", "option", "about"), NUMBERS, ids=IDS)
+@each(("command", "option", "about"), NUMBERS, ids=IDS)
 def test_a_number_is_bounded_on_both_sides(command, option, about):
     assert about.min is not None
     assert about.max is not None
     assert math.isfinite(about.max)
 
 
-@pytest.mark.parametrize(("command", "option", "about"), NUMBERS, ids=IDS)
+@each(("command", "option", "about"), NUMBERS, ids=IDS)
 def test_a_wrong_number_is_refused_by_the_name_of_its_option(command, option, about, place):
     for value in WRONG:
         found = parsed(command, option, value, place)
@@ -96,7 +97,7 @@ def test_no_workers_are_refused(command, place):
     assert parsed(command, "--jobs", -1, place) == -1
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@each("command", COMMANDS)
 def test_help_keeps_its_brackets(command):
     shown = CliRunner().invoke(app, [command, "--help"], env={"COLUMNS": "200", "TERMINAL_WIDTH": "200"}).output
     shown = re.sub(r"[\s│]+", " ", shown)

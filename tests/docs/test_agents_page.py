@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from baselines.rl.agents import FOLDER, agent_names, find_agent
+from tests.each import each
 
 PAGE = Path(__file__).parents[2] / "docs" / "agents.md"
 
@@ -16,7 +17,7 @@ def test_five_seeds_for_each_encoder_in_five_megabytes():
     assert sum(path.stat().st_size for path in FOLDER.iterdir()) < 5e6
 
 
-@pytest.mark.parametrize("name", agent_names())
+@each("name", agent_names())
 def test_file_card_and_page_agree(name):
     card = tomllib.loads((FOLDER / f"{name}.toml").read_text(encoding="utf-8"))
     agent = find_agent(name)

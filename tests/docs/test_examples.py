@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.each import each
+
 EXAMPLES = Path(__file__).parents[2] / "examples"
 EXPECTED = {
     "p_controller.py": ([], r"rms tracking error 1[0-9]\.\d+ mm over 4000 ms"),
@@ -20,7 +22,7 @@ def test_every_example_is_tested():
     assert {p.name for p in EXAMPLES.glob("*.py")} == set(EXPECTED)
 
 
-@pytest.mark.parametrize("name", EXPECTED)
+@each("name", EXPECTED)
 def test_example_runs(name):
     if name in {"stable_baselines.py", "cleanrl_style.py"}:
         pytest.importorskip("stable_baselines3", reason="needs the extra rl")

@@ -2,21 +2,16 @@
 
 import hashlib
 import json
+import runpy
 from collections import Counter
 
-import pytest
-
 from baselines.blind_study.judge import judge
-from baselines.blind_study.payoff import P_HALF, Payoff, payoff
-from baselines.blind_study.plan import Trial, plan
+from baselines.blind_study.payoff import Payoff
+from baselines.blind_study.plan import plan
 from baselines.blind_study.study import outcomes, settings
 from baselines.blind_study.summary import headline, summarise
-from baselines.rig_simulator.truth import draw_truth
-from flexdrive_gym.drive.effects import LAYOUT
-from flexdrive_gym.drive.toml import loads
 from tests.docs.pages import ROOT, read
 
-STUDIES = sorted((ROOT / "docs/trial").glob("seed_*"))
 # the one of the present engine
 LATEST = ROOT / "docs/trial/seed_9"
 
@@ -46,36 +41,35 @@ def test_every_figure_is_the_study_s():
     assert f"flexdrive blind --report -o docs/trial/{LATEST.name}" in readme
 
 
-@pytest.mark.parametrize("folder", [*STUDIES, *sorted((ROOT / "docs/trial").glob("begun_*"))], ids=lambda f: f.name)
-def test_studies_are_compared_by_their_figures(folder):
-    row = next(line for line in read("docs/trial.md").splitlines() if line.startswith(f"| `docs/trial/{folder.name}`"))
-    found = {what: value for what, value, _ in headline(summarise([judge(outcome) for outcome in found_in(folder)]))}
-    nulls, pairs, unnamed, unnoticed = (
-        found[what].split(" = ")[0]
-        for what in (
-            "nulls with a name",
-            "pairs, both named",
-            "effects outside the catalogue reported as unnamed",
-            "effects outside the catalogue not noticed",
+def test_the_latest_row_is_that_of_its_outcomes():
+    figures = runpy.run_path(str(ROOT / "docs/studies.py"))
+    row = next(r for r in figures["rows"]() if r["study"] == LATEST.name)
+    assert row | figures["row"](LATEST) == row
+
+
+def test_studies_are_compared_by_their_figures():
+    page = read("docs/trial.md").splitlines()
+    studies = runpy.run_path(str(ROOT / "docs/studies.py"))["rows"]()
+    assert [row["study"] for row in studies if row["seed"].isdecimal()] == [
+        "seed_1", "begun_2", "seed_3", "begun_5", "seed_6", "begun_7", "begun_8", "seed_9",
+    ]  # fmt: skip
+    for row in (r for r in studies if r["seed"].isdecimal()):
+        line = next(text for text in page if text.startswith(f"| `{row['study']}`"))
+        nulls, pairs, unnamed, unnoticed = (
+            row[what].split(" = ")[0]
+            for what in (
+                "nulls with a name",
+                "pairs, both named",
+                "effects outside the catalogue reported as unnamed",
+                "effects outside the catalogue not noticed",
+            )
         )
-    )
-    singles = found["single effects from half size on, named exactly or in a tie"].split(" (")[0]
-    assert f"| {singles} | {nulls} | {pairs} | {unnamed.split()[0]} and {unnoticed} |" in row
-    seconds = float(row.rstrip("| ").rsplit("| ", maxsplit=1)[-1])
-    assert abs(seconds - float(found["seconds per diagnosis on one core, median"])) < 0.5
-
-
-def test_what_is_said_of_the_study_that_was_begun():
-    found = {
-        what: value.split(" (")[0]
-        for what, value, _ in headline(summarise([judge(o) for o in found_in(ROOT / "docs/trial/begun_5")]))
-    }
-    assert found["effects outside the catalogue given a name"] == "3 of 19 = 16%"
-    assert found["effects outside the catalogue reported as unnamed"] == "13 of 19 = 68%"
-    assert found["pairs, both named"] == "13 of 16 = 81%"
-    assert found["broken encoders found"] == "32 of 32 = 100%"
-    assert found["m1 … d2 of nulls within their 95 % intervals"] == "107 of 112 = 96%"
-    assert found["nulls with a name"] == "2 of 16 = 12%"
+        singles = row["single effects from half size on, named exactly or in a tie"].split(" (")[0]
+        said = f"| {singles} | {nulls} | {pairs} | {unnamed.split()[0]} and {unnoticed} |"
+        assert said in line, row["study"]
+        assert row["trials"] == "200" or f"stopped after {row['trials']} trials" in line
+        seconds = float(line.rstrip("| ").rsplit("| ", maxsplit=1)[-1])
+        assert abs(seconds - float(row["seconds per diagnosis on one core, median"])) < 0.5, row["study"]
 
 
 def test_where_the_last_study_fell_short():
@@ -147,88 +141,8 @@ def test_one_rig_of_the_last_study_is_unstable_with_every_drive():
     assert any("beyond 13 mm" in n and "go to 12 mm" in n for n in rig["answer"]["diagnosis"]["notes"])
 
 
-def test_with_seed_6_every_design_is_stable():
-    found = found_in(ROOT / "docs/trial/seed_6")
-    paid = [Payoff.from_json(outcome["payoff"]) for outcome in found if outcome["payoff"]]
-    assert len(paid) == 27
-    assert all(result.stable for rig in paid for result in rig.outcomes)
-
-
-def test_two_diagnoses_of_an_earlier_study_failed():
-    found = found_in(ROOT / "docs/trial/seed_3")
-    assert [outcome["trial"]["number"] for outcome in found if outcome["failed"] is not None] == [55, 71]
-
-
-@pytest.mark.parametrize("folder", [*STUDIES, *sorted((ROOT / "docs/trial").glob("begun_*"))], ids=lambda f: f.name)
-def test_truths_are_what_was_sealed(folder):
+def test_truths_are_what_was_sealed():
     """The hash was printed before the diagnosis began; a truth is written as one indented JSON object."""
-    for outcome in found_in(folder):
+    for outcome in found_in(LATEST):
         text = json.dumps(outcome["truth"], indent=1, sort_keys=True) + "\n"
         assert hashlib.sha256(text.encode()).hexdigest() == outcome["sha256"]
-
-
-def test_every_shape_whose_interval_reaches_its_lower_bound_was_false():
-    """What decision 17 says of the study with seed 1, and why such findings are dropped since."""
-    found = found_in(ROOT / "docs/trial/seed_1")
-    lower = {(e.effect.id, e.parameter.name): e.parameter.lower for e in LAYOUT.values() if e.parameter.role == "shape"}
-    reach = [
-        (outcome["trial"]["number"], f"{f['id']}@{f['where']}")
-        for outcome in found
-        for f in outcome["answer"]["diagnosis"]["findings"]
-        for name, q in f["parameters"].items()
-        if q["ci95"][0] is not None and q["ci95"][0] <= lower.get((f["id"], name), float("-inf"))
-    ]
-    assert [number for number, _ in reach] == [47, 110, 124]
-    false = {outcome["trial"]["number"]: judge(outcome).false_names for outcome in found}
-    assert all(name in false[number] for number, name in reach)
-
-
-def test_what_decision_19_says_of_two_studies():
-    begun = found_in(ROOT / "docs/trial/begun_2")
-    humps = [o for o in begun if any(e["id"] == "stribeck" for e in o["truth"]["effects"])]
-    drags = [o for o in humps if any(f["id"] == "quadratic_drag" for f in o["answer"]["diagnosis"]["findings"])]
-    assert (len(begun), len(humps), len(drags)) == (96, 7, 5)
-    doubtful = [
-        (f"{f['id']}@{f['where']}" in judge(outcome).false_names, outcome["trial"]["kind"])
-        for outcome in (*found_in(ROOT / "docs/trial/seed_1"), *begun)
-        for f in outcome["answer"]["diagnosis"]["findings"]
-        if f["share_of_error_explained"] <= 0.02 and f["heldout_rms_after"] >= 0.99 * f["heldout_rms_before"]
-    ]
-    assert len(doubtful) == 7
-    assert sum(false for false, _ in doubtful) == 6
-    assert sum(kind == "null" for _, kind in doubtful) == 3
-
-
-@pytest.mark.slow
-def test_limits_that_were_not_seen_are_now():
-    unseen = [
-        outcome
-        for outcome in found_in(ROOT / "docs/trial/seed_3")
-        if outcome["answer"] is not None
-        and outcome["critical_gain"] is not None
-        and outcome["answer"]["critical_gains"]["diagnosed"] is None
-    ]
-    off = []
-    for outcome in unseen:
-        trial = Trial(**outcome["trial"])
-        rig = draw_truth(trial.seed, trial.kind, size=trial.size, effect=trial.effect)
-        found = payoff(rig, {"diagnosed": loads(outcome["answer"]["drives"]["diagnosed"])}, [P_HALF])
-        assert found.outcomes[0].stable
-        off.append(100.0 * abs(found.predicted_critical_gain["diagnosed"] / outcome["critical_gain"] - 1.0))
-    said = ", ".join(f"{e:.1f}" for e in sorted(off)[:-1]) + f" and {max(off):.1f} % off"
-    assert f"predict gains that are {said}" in read("docs/trial.md").replace("\n  ", " ")
-
-
-def test_one_trial_of_all_studies_conceals_one_sided_dry_friction_of_a_cart_with_bristles():
-    """The concealed rigs had left it out there (docs/trial.md)."""
-
-    def unseen(numbers):
-        return any(f"bristle{c}" in numbers and {f"d_skew{c}", f"static{c}"} & set(numbers) for c in (1, 2))
-
-    found = []
-    for folder in STUDIES:
-        for outcome in found_in(folder):
-            numbers = {k for e in outcome["truth"]["effects"] for k in e["parameters"]}
-            if unseen(numbers):
-                found.append((folder.name, outcome["trial"]["number"]))
-    assert found == [("seed_6", 83)]

@@ -10,13 +10,14 @@ from flexdrive_gym import Covariance, Drive, Observation, PControl, Provenance, 
 from flexdrive_gym.drive.drive import Recorded
 from flexdrive_gym.references import handout_trajectory, square
 from tests.drive.drives import FRICTIONLESS, RIG
+from tests.each import each
 
 T = np.arange(2001) * 1e-3
 QUANTUM = 0.0046592
 SENSORS = {f"encoder_quantisation.encoder_{i}.quantum": QUANTUM for i in (1, 2)}
 
 
-@pytest.mark.parametrize(
+@each(
     ("values", "error", "text"),
     [
         ({"m2": 1e-3}, ValueError, "m1: a drive needs the mass"),
@@ -129,7 +130,7 @@ def test_command_limit_acts_on_open_loop_drives():
     assert np.array_equal(limited.v1, Drive(RIG).simulate(T, square(T, 1.0, 0.5)).v1)
 
 
-@pytest.mark.parametrize(
+@each(
     ("answer", "error", "text"),
     [
         (float("nan"), ValueError, r"controller: must return a finite command \[V\]; got nan at t = 0.002 s"),
@@ -212,7 +213,7 @@ def test_rigid_drive_simulates_one_cart():
     assert run.v1[-1] == pytest.approx((2.0 - 0.6) / 0.0127, rel=1e-6)
 
 
-@pytest.mark.parametrize(
+@each(
     ("t", "u", "text"),
     [
         ([0.0, 0.1, 0.3], [0.0] * 3, "equal steps"),

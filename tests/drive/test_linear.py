@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from flexdrive_gym import Drive, LinearDrive
+from tests.each import each
 
 M1, M2, B1, B2, K, C = 7.6e-4, 3.4e-4, 0.0096, 0.0032, 0.095, 3e-4
 DRIVE = LinearDrive(M1, M2, B1, B2, K, C)
@@ -17,7 +18,7 @@ def test_denominator_is_equation_2():
     assert np.allclose(DRIVE.denominator, [1.0, a1, a2, a3, 0.0], rtol=1e-12)
 
 
-@pytest.mark.parametrize(
+@each(
     ("output", "source", "expected"),
     [
         ("x1", "u", [M2, B2 + C, K]),
@@ -71,7 +72,7 @@ def test_final_value_is_equation_3():
     assert step == pytest.approx(1.0 / (B1 + B2), rel=1e-9)
 
 
-@pytest.mark.parametrize("scale", [0.3, 1.0, 3.0])
+@each("scale", [0.3, 1.0, 3.0])
 def test_routh_agrees_with_the_gain_margin(scale):
     drive = LinearDrive(M1, M2 * scale, B1, B2 / scale, K, C)
     margin = control.margin(drive.transfer_function("x2"))[0]

@@ -5,10 +5,11 @@ import pytest
 from scipy.stats import t as student
 
 from flexdrive_gym import Covariance, Drive, LinearController, PControl
-from flexdrive_gym.drive.linear_controller import run_batch
+from flexdrive_gym.drive.batch.closed_loop import run_batch
 from flexdrive_gym.references import handout_trajectory
 from tests.called import Called
 from tests.drive.drives import FRICTIONLESS, RIG
+from tests.each import each
 
 T = np.arange(2001) * 1e-3
 XR = handout_trajectory(T)
@@ -71,7 +72,7 @@ def test_a_discrete_transfer_function_and_named_inputs_are_taken_as_they_are():
     assert PControl(0.0).linear().order == 0
 
 
-@pytest.mark.parametrize(
+@each(
     ("numerator", "denominator", "keywords", "text"),
     [
         ([1.0, 0.0], [1.0], {}, "numerator: must not have a higher degree"),
@@ -122,7 +123,7 @@ def test_disturbance_is_balanced_by_a_proportional_loop():
     assert out[2, -1] == pytest.approx(0.5 / 0.05, rel=1e-4)  # u = -d at rest
 
 
-@pytest.mark.parametrize(
+@each(
     ("changes", "text"),
     [
         ({"A": np.zeros((2, 3))}, "A: must be finite and of shape"),

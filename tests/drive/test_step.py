@@ -6,6 +6,7 @@ import pytest
 from flexdrive_gym import Drive
 from tests.drive.drives import FRICTIONLESS, RIG, true_states
 from tests.drive.reference import TwoMasses
+from tests.each import each
 
 T = np.arange(4001) * 1e-3
 EXCITATIONS = {
@@ -17,7 +18,7 @@ EXCITATIONS = {
 }
 
 
-@pytest.mark.parametrize("name", EXCITATIONS)
+@each("name", EXCITATIONS)
 def test_agrees_with_event_driven_integration_at_one_millisecond(name):
     u = EXCITATIONS[name]
     expected = TwoMasses(**RIG).run(T, u)
@@ -114,7 +115,7 @@ def test_variant_with_every_effect_agrees_when_they_are_null():
     assert np.allclose(true_states(Drive(RIG), u), true_states(Drive(RIG), u, full=True), rtol=0.0, atol=1e-9)
 
 
-@pytest.mark.parametrize("tau", [1e-3, 2.5e-3, 0.4e-3])
+@each("tau", [1e-3, 2.5e-3, 0.4e-3])
 def test_input_delay_shifts_the_response_exactly(tau):
     drive = Drive({**RIG, "input_delay.tau": tau})
     fine = 1e-4  # a grid on which every delay here is whole

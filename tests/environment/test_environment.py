@@ -17,6 +17,7 @@ from flexdrive_gym.environment import FlexDriveEnv
 from flexdrive_gym.fleet import KEYS
 from flexdrive_gym.references import point_to_point
 from tests.drive.drives import RIG
+from tests.each import each
 
 IDS = [f"FlexDrive-{name}-v0" for name in ("Collocated", "NonCollocated", "FullState")]
 NON_COLLOCATED = IDS[1]
@@ -31,15 +32,15 @@ def rollout(env, steps=50, seed=3):
     return np.concatenate([np.ravel(x) for x in trace])
 
 
-@pytest.mark.parametrize("name", IDS)
-@pytest.mark.parametrize("normalise", [False, True])
+@each("name", IDS)
+@each("normalise", [False, True])
 def test_gymnasiums_check_finds_nothing(name, normalise):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(gymnasium.make(name, normalise=normalise).unwrapped, skip_render_check=True)
 
 
-@pytest.mark.parametrize("name", IDS)
+@each("name", IDS)
 def test_stable_baselines_check_finds_nothing(name):
     checker = pytest.importorskip("stable_baselines3.common.env_checker", reason="needs the extra rl")
     with warnings.catch_warnings():
@@ -59,7 +60,7 @@ def test_imports_none_of_the_heavy_libraries():
     )
 
 
-@pytest.mark.parametrize("name", IDS)
+@each("name", IDS)
 def test_same_seed_same_episode(name):
     arguments = {"noise": 0.01, "reference": "random_moves", "randomise": {"m1": (6e-4, 9e-4), "d1": (0.2, 0.5)}}
     a, b = (gymnasium.make(name, **arguments) for _ in range(2))
@@ -265,7 +266,7 @@ def test_p_control_through_the_environment_has_the_simulated_critical_gain():
     assert np.sqrt(low * high) == pytest.approx(critical_gain(drive, "x2"), rel=0.01)
 
 
-@pytest.mark.parametrize(
+@each(
     ("arguments", "text"),
     [
         ({"drive": 3}, "drive: must be a Drive or the path"),
@@ -273,7 +274,16 @@ def test_p_control_through_the_environment_has_the_simulated_critical_gain():
         ({"randomise": 3}, "randomise: must be a mapping from names to values; got 3"),
         ({"randomise": {"m1": 3}}, "m1 must be \\(low, high\\)"),
         ({"preview": 3}, "preview: must be a list of times ahead"),
+        ({"randomise": ("m1",)}, "randomise: must be a mapping from names to values"),
+        ({"randomise": True}, "randomise: must be a mapping from names to values; got True"),
+        ({"randomise": {"m1": np.array(6e-4)}}, "m1 must be \\(low, high\\)"),
         ({"preview": "0.1"}, "preview: must be a list of times ahead"),
+        ({"preview": None}, "preview: must be a list of times ahead \\[s\\], \\(\\) for none; got None"),
+        ({"preview": np.array(0.1)}, "preview: must be a list of times ahead"),
+        ({"preview": {0.1: 1.0}}, "preview: must be a list of times ahead"),
+        ({"preview": ([0.1],)}, "preview: must be times ahead"),
+        ({"reward": ["effort"]}, "reward: must be a mapping from names to values"),
+        ({"reward": {"effort": [1.0]}}, "the weight of effort must be a number"),
         ({"reward": 3}, "reward: must be a mapping from names to values; got 3"),
         ({"effects": [1]}, "effects: must be a mapping"),
         ({"reference": "sine:amplitud=10"}, "reference: 'sine' has no keyword 'amplitud'"),
@@ -299,7 +309,7 @@ def test_wrong_arguments_are_named(arguments, text):
         gymnasium.make(NON_COLLOCATED, **arguments)
 
 
-@pytest.mark.parametrize("bad", [[np.nan], np.array([np.inf]), float("nan"), [0.1, 0.2], ["u"], None])
+@each("bad", [[np.nan], np.array([np.inf]), float("nan"), [0.1, 0.2], ["u"], None])
 def test_an_action_that_is_no_number_is_refused_and_moves_nothing(bad):
     env, twin = gymnasium.make(NON_COLLOCATED), gymnasium.make(NON_COLLOCATED)
     env.reset(seed=0)
@@ -337,7 +347,7 @@ def test_an_episode_starts_where_it_is_told():
     assert env.step([0.0])[4]["x2"] == pytest.approx(pulled, rel=2e-3)
 
 
-@pytest.mark.parametrize(
+@each(
     ("options", "text"),
     [
         ({"x3": 1.0}, "options: must be among state, x1, v1, x2, v2; got 'x3'"),
@@ -415,7 +425,7 @@ def test_rendering(mode, monkeypatch):
     env.close()
 
 
-@pytest.mark.parametrize("name", IDS)
+@each("name", IDS)
 def test_gymnasiums_check_finds_nothing_in_rendering(name):
     pytest.importorskip("pygame", reason="needs the extra render")
     with warnings.catch_warnings():

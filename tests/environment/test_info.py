@@ -6,9 +6,9 @@ import pickle
 
 import gymnasium
 import numpy as np
-import pytest
 
 from flexdrive_gym.fleet import KEYS
+from tests.each import each
 
 ID = "FlexDrive-NonCollocated-v0"
 
@@ -52,7 +52,7 @@ def trace(steps=8):
     return infos, expected
 
 
-@pytest.mark.parametrize("way", WAYS)
+@each("way", WAYS)
 def test_every_way_of_reading_sees_all(way):
     infos, expected = trace(3)
     found = [WAYS[way](info) for info in infos]
@@ -81,16 +81,3 @@ def test_it_is_a_dictionary():
     match trace(1)[0][0]:
         case {"e": error}:
             assert error == expected[0]["e"]
-
-
-def test_observations_are_not_written_again():
-    env = gymnasium.make(ID)
-    kept = [env.reset(seed=0)[0]]
-    copies = [kept[0].copy()]
-    for k in range(20):
-        observation = env.step(np.array([0.05 * k], np.float32))[0]
-        kept.append(observation if k % 2 else observation[:3])
-        copies.append(kept[-1].copy())
-        del observation
-    for a, b in zip(kept, copies, strict=True):
-        assert np.array_equal(a, b)

@@ -10,6 +10,7 @@ from flexdrive_gym import Drive
 from flexdrive_gym.drive.layout import GROUP, LANES
 from flexdrive_gym.fleet import KEYS, LEAST_PER_THREAD
 from tests.drive.drives import RIG
+from tests.each import each
 
 ID = "FlexDrive-NonCollocated-v0"
 RANDOM = {
@@ -83,8 +84,8 @@ def singles(n, actions, seed, **arguments):
     return np.array(traces)
 
 
-@pytest.mark.parametrize("name", VARIANTS)
-@pytest.mark.parametrize("n", [1, 3, 140])
+@each("name", VARIANTS)
+@each("n", [1, 3, 140])
 def test_bit_equal_to_the_single_environment(name, n):
     steps = {1: 2000, 3: 700, 140: 40}[n]
     arguments = {"duration": 0.4, "travel_limit": 70.0, **VARIANTS[name]}
@@ -140,9 +141,9 @@ def test_same_step_reset_keeps_the_last_observation():
     assert np.all(observation[:, 0] == 0.0)  # already the next episode's
 
 
-@pytest.mark.parametrize("name", ["Collocated", "NonCollocated", "FullState"])
-@pytest.mark.parametrize("preview", [(), (0.1,), (0.02, 0.05, 0.1)])
-@pytest.mark.parametrize("normalise", [False, True])
+@each("name", ["Collocated", "NonCollocated", "FullState"])
+@each("preview", [(), (0.1,), (0.02, 0.05, 0.1)])
+@each("normalise", [False, True])
 def test_every_drive_sees_its_own_place_of_the_reference(name, preview, normalise):
     env = gymnasium.make_vec(
         f"FlexDrive-{name}-v0", num_envs=150, vectorization_mode="vector_entry_point", autoreset_mode="disabled",
@@ -222,8 +223,8 @@ def test_an_ended_episode_is_not_stepped_on_unless_it_is_reset():
     assert np.isfinite(env.step(zero)[0]).all()
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf])
-@pytest.mark.parametrize("mode", ["next_step", "same_step"])
+@each("bad", [np.nan, np.inf])
+@each("mode", ["next_step", "same_step"])
 def test_an_action_that_is_no_number_is_refused_and_moves_nothing(bad, mode):
     env, twin = batched(140, autoreset_mode=mode), batched(140, autoreset_mode=mode)
     env.reset(seed=0)
@@ -335,7 +336,7 @@ def test_memory_per_environment_is_small():
     assert used / 1000 <= 1024
 
 
-@pytest.mark.parametrize(
+@each(
     ("arguments", "text"),
     [
         ({"num_envs": 0}, "num_envs"),

@@ -15,6 +15,7 @@ from identification.recordings.rig import parse_rig
 from identification.selection import select
 from identification.topology import GROUND_MASS
 from tests.drive.drives import RIG
+from tests.each import each
 from tests.identification.lab import COUNTS, QUANTUM, T, lab_day
 
 DRIVE = Drive({**RIG, **COUNTS})
@@ -29,7 +30,7 @@ def steps(*levels):
     return np.repeat(np.array(levels, dtype=float), len(T) // len(levels) + 1)[: len(T)]
 
 
-@pytest.mark.parametrize(
+@each(
     ("u", "kind"),
     [
         (2.0 * np.sin(2 * np.pi * 1.5 * T), "sine"),

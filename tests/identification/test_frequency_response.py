@@ -14,6 +14,7 @@ from identification.frequency_response import (
     theoretical_response,
 )
 from identification.recordings import read_recordings
+from tests.each import each
 
 LINEAR = {"m1": 7.6e-4, "m2": 3.4e-4, "b1": 0.0096, "b2": 0.0032, "k": 0.095}
 COUNTS = {f"encoder_quantisation.encoder_{i}.quantum": 0.0046592 for i in (1, 2)}
@@ -26,7 +27,7 @@ def sine(drive: Drive, frequency: float, amplitude: float = 2.5):
     return replace(run, excitation=Excitation("sine", amplitude, frequency))
 
 
-@pytest.mark.parametrize("frequency", [0.5, 3.3, 20.0])
+@each("frequency", [0.5, 3.3, 20.0])
 def test_fit_is_exact_for_a_sine_with_offset_and_drift(frequency):
     y = 3.0 * np.sin(2.0 * np.pi * frequency * T + np.deg2rad(-130.0)) + 7.0 + 0.2 * (T - T.mean())
     fit = fit_sine(T, y, frequency)
@@ -77,7 +78,7 @@ def test_single_period_has_no_interval():
     assert not fit.significant
 
 
-@pytest.mark.parametrize(
+@each(
     ("arguments", "message"),
     [
         ((T, T[:-1], 1.0), "must be vectors of one length"),

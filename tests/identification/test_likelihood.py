@@ -10,6 +10,7 @@ from identification.equation_error import start_values
 from identification.likelihood import identify_by_likelihood, improvement
 from identification.quantities import HANDOUT_RATIOS
 from tests.drive.drives import RIG
+from tests.each import each
 from tests.identification.lab import COUNTS, lab_day, run
 
 NAMES = ("m1", "m2", "b1", "b2", "d1", "d2", "k")
@@ -25,7 +26,7 @@ def fit(day):
     return identify_by_likelihood(day)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each("name", NAMES)
 def test_truth_lies_within_a_few_percent_and_near_the_interval(fit, name):
     low, high = fit.drive.intervals[name]
     width = high - low

@@ -10,6 +10,7 @@ from identification.half_periods import read_amplitudes
 from identification.handout_steps import read_time_constant
 from identification.recordings import read_recordings
 from identification.step_response import identify_by_handout, iterate_zeta, time_to_63_percent
+from tests.each import each
 
 COUNTS = {f"encoder_quantisation.encoder_{i}.quantum": 0.0046592 for i in (1, 2)}
 # the handout's own ratios hold exactly
@@ -68,7 +69,7 @@ def test_63_percent_reading_recovers_p_without_friction():
     assert reading.bias_percent == 0.0
 
 
-@pytest.mark.parametrize("d", [0.0, 0.3, 0.7, 1.2])
+@each("d", [0.0, 0.3, 0.7, 1.2])
 def test_bias_formula_is_that_of_the_rigid_drive_with_coulomb_friction(d):
     m, b, u0 = 7e-4, 9e-3, 2.0
     t = 1e-4 * np.arange(30001)

@@ -5,9 +5,9 @@ import sys
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from flexdrive_gym.rendering import Renderer
+from tests.each import each
 from tests.rendering.frames import REST, STATES
 
 
@@ -18,7 +18,7 @@ class TestAnsi:
         renderer.add(frame)
         return renderer.render().split("\n")
 
-    @pytest.mark.parametrize("frame", STATES.values(), ids=STATES)
+    @each("frame", STATES.values(), ids=STATES)
     def test_is_two_lines_of_plain_characters(self, frame):
         rail, numbers = self.lines(frame)
         assert rail[0] == rail[-1] == "|"

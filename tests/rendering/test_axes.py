@@ -8,6 +8,7 @@ import pytest
 from flexdrive_gym.rendering.chart import command_range, position_range
 from flexdrive_gym.rendering.history import History
 from flexdrive_gym.rendering.scale import Scale, round_out, round_step, text
+from tests.each import each
 from tests.rendering.frames import REST
 
 
@@ -18,7 +19,7 @@ class TestAxes:
         history.add(replace(REST, x1=x, u=u))
         return history
 
-    @pytest.mark.parametrize("x", [0.0, 3.0, -47.0, 230.0, -399.0, 800.0])
+    @each("x", [0.0, 3.0, -47.0, 230.0, -399.0, 800.0])
     def test_position_axis_shows_zero_and_all_that_was_seen(self, x):
         low, high = position_range(self.history(x), 400.0)
         assert low < min(x, 0.0)
@@ -26,14 +27,14 @@ class TestAxes:
         assert (high > 400.0) == (x > 240.0)
         assert (low < -400.0) == (x < -240.0)
 
-    @pytest.mark.parametrize("u", [0.0, 1.0, -7.9, 8.0, 20.0])
+    @each("u", [0.0, 1.0, -7.9, 8.0, 20.0])
     def test_command_axis_is_symmetric_and_shows_all(self, u):
         largest = command_range(self.history(0.0, u), 8.0)
         assert largest > abs(u)
         assert (largest > 8.0) == (abs(u) > 4.8)
         assert command_range(self.history(0.0, u), inf) > abs(u)
 
-    @pytest.mark.parametrize(("least", "step"), [(1.0, 1.0), (1.1, 2.0), (0.3, 0.5), (0.07, 0.1), (600.0, 1000.0)])
+    @each(("least", "step"), [(1.0, 1.0), (1.1, 2.0), (0.3, 0.5), (0.07, 0.1), (600.0, 1000.0)])
     def test_steps_are_round(self, least, step):
         assert round_step(least) == pytest.approx(step)
 
@@ -44,7 +45,7 @@ class TestAxes:
         scale = Scale(-10.0, 30.0, 400.0, 200.0)
         assert (scale(-10.0), scale(30.0), scale(10.0)) == (400.0, 200.0, 300.0)
 
-    @pytest.mark.parametrize(
+    @each(
         ("value", "digits", "written"),
         [
             (-1.234, 2, "−1.23"),

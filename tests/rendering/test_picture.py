@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from flexdrive_gym.rendering import Renderer, canvas, style
+from tests.each import each
 from tests.rendering.frames import REST, STATES, cart, columns, picture, swing
 
 
 class TestPicture:
-    @pytest.mark.parametrize("size", [(960, 480), (640, 320), (1000, 700)])
+    @each("size", [(960, 480), (640, 320), (1000, 700)])
     def test_has_the_shape_that_gymnasium_demands(self, size):
         array = picture(REST, size=size)
         assert array.shape == (size[1], size[0], 3)
@@ -19,7 +20,7 @@ class TestPicture:
         assert array.flags["C_CONTIGUOUS"]
         assert array.flags["WRITEABLE"]
 
-    @pytest.mark.parametrize(
+    @each(
         "change",
         [
             {"x1": 3.0},
@@ -49,8 +50,8 @@ class TestPicture:
         renderer.render()
         np.testing.assert_array_equal(first, kept)
 
-    @pytest.mark.parametrize("frame", STATES.values(), ids=STATES)
-    @pytest.mark.parametrize("size", [(960, 480), (640, 320)])
+    @each("frame", STATES.values(), ids=STATES)
+    @each("size", [(960, 480), (640, 320)])
     def test_nothing_touches_the_border(self, frame, size):
         array = picture(*swing(20), replace(frame, t=1.0), size=size)
         inner = array[4:-4, 4:-4]

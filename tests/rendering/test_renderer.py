@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from flexdrive_gym.rendering import Renderer
+from tests.each import each
 from tests.rendering.frames import REST, picture, swing
 
 
@@ -40,7 +41,7 @@ class TestRenderer:
         ):
             renderer.render()
 
-    @pytest.mark.parametrize("mode", ["human", "rgb_array", "ansi"])
+    @each("mode", ["human", "rgb_array", "ansi"])
     def test_nothing_to_show(self, mode):
         renderer = Renderer(mode)
         renderer.add(REST)
@@ -48,7 +49,7 @@ class TestRenderer:
         with pytest.raises(RuntimeError, match=r"render: there is no frame to show yet\. Call reset\(\) of the env"):
             renderer.render()
 
-    @pytest.mark.parametrize(
+    @each(
         ("arguments", "message"),
         [
             ({"mode": "rgb"}, "mode: must be one of human, rgb_array, ansi; got 'rgb'. Did you mean 'rgb_array'?"),

@@ -1,4 +1,4 @@
-"""The bundled sample: a lab day that flexdrive itself simulated, not a recording of a rig.
+"""The bundled sample: a data set that flexdrive itself simulated, not a recording of a rig.
 
 It shows every part of the report and of a diagnosis without data of anybody else's; its cart 1 has a Stribeck effect.
 :mod:`baselines.lab.sample.make` wrote it.

@@ -1,4 +1,4 @@
-"""The handout's in-lab day, 2.1 to 2.6, as a guided path that ends in the report."""
+"""The handout's in-lab session, 2.1 to 2.6, as a guided path that ends in the report."""
 
 from __future__ import annotations
 

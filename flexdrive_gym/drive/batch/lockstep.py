@@ -19,7 +19,7 @@ from flexdrive_gym.drive.sample import WORK_SPACE
 from flexdrive_gym.recording import FloatArray
 
 
-class Abreast:
+class Lockstep:
     """Drives that run side by side.
 
     Parameters
@@ -105,7 +105,7 @@ class _Part:
 
     def advance(self, u: FloatArray, first: int, sample_time: float) -> FloatArray:
         out = np.empty((len(u), 4, u.shape[1]))
-        kernels.run_abreast(
+        kernels.run_lockstep(
             self.states, u, first, sample_time, self.steps, self.memory, self.z, self.p, self.readings, out
         )
         return out

@@ -35,7 +35,6 @@ from flexdrive_gym.drive.forces import (
     spring_force,
 )
 
-ORDER = 6
 # the largest product of a leap's length and the drive's rate for which the series' remainder stays below 1e-8
 REACH = 0.25
 # the same for series that end with τ⁴, as a Runge-Kutta step does

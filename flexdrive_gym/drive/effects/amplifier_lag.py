@@ -40,7 +40,7 @@ EFFECT = Effect(
     id="amplifier_lag",
     where=("actuator",),
     equation="τ·du/dt = u_cmd - u",
-    parameters=(Parameter("tau", "s", 0.0, 0.0, 0.1, "time constant", (0.002, 0.006)),),
+    parameters=(Parameter("tau", "s", 0.0, 0.0, 0.5, "time constant", (0.002, 0.006)),),
     hooks={"actuator": _actuator, "finish": _finish, "begin": _begin},
     memory=1,
     fastest_rate=_fastest_rate,

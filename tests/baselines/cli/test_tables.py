@@ -7,6 +7,7 @@ from baselines.cli import _output, app
 from baselines.cli._tables import laid_out, wrapped_sentence
 from flexdrive_gym import DEFAULT_DRIVE, Covariance, Drive, save_drive
 from identification import write_recording
+from tests.each import each
 from tests.identification.mismatch.lab import T, data_set
 
 WIDTHS = (60, 80, 140)
@@ -21,7 +22,7 @@ def words(sheets):
     return {word for sheet in sheets for line in sheet if not line.startswith("─") for word in line.split()}
 
 
-@pytest.mark.parametrize("width", [40, *WIDTHS])
+@each("width", [40, *WIDTHS])
 def test_a_wide_table_is_split_and_every_sheet_names_its_rows(width):
     sheets = laid_out(*WIDE, width)
     assert max(len(line) for sheet in sheets for line in sheet) <= width

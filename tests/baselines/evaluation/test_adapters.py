@@ -12,6 +12,7 @@ from baselines.loop_analysis.empirical_margins import empirical_margins
 from baselines.loop_analysis.margins import margins
 from flexdrive_gym import DEFAULT_DRIVE
 from flexdrive_gym.references import handout_trajectory
+from tests.each import each
 
 T = np.arange(2000) * 1e-3
 
@@ -20,7 +21,7 @@ def make(**arguments):
     return gymnasium.make("FlexDrive-NonCollocated-v0", drive=DEFAULT_DRIVE, duration=2.0, **arguments)
 
 
-@pytest.mark.parametrize("name", ["p_x2", "lab4_friction", "cascade"])
+@each("name", ["p_x2", "lab4_friction", "cascade"])
 def test_in_the_environment_a_controller_does_what_it_does_on_the_rig(name):
     controller = design(name, DEFAULT_DRIVE).controller
     inside = run_in_environment(make(control_period=1e-3, velocity_cutoff=0.0), controller, seed=0)

@@ -15,6 +15,7 @@ from flexdrive_gym import Covariance, Drive
 from flexdrive_gym.drive.drive import Recorded
 from identification import identify, read_recordings
 from tests.drive.drives import RIG
+from tests.each import each
 
 NAMES = ("m1", "m2", "k", "b1", "d1", "d2")
 SPREAD = Covariance(NAMES, np.diag([(0.03 * RIG[n]) ** 2 for n in NAMES]))
@@ -51,7 +52,7 @@ def test_answers_do_not_depend_on_threads_and_come_again():
     assert predict(DRIVE, LINEAR, draws=6, seed=1) != predict(DRIVE, LINEAR, draws=6, seed=2)
 
 
-@pytest.mark.parametrize("factor", [1.0, 1.2, 0.5, 3.0])
+@each("factor", [1.0, 1.2, 0.5, 3.0])
 def test_a_search_near_another_drives_limit_finds_the_same(factor):
     limit, lab = critical_gain(DRIVE), limit_in_the_lab(DRIVE)
     assert critical_gain_near(DRIVE, "x2", factor * limit) == pytest.approx(limit, rel=0.01)
@@ -63,7 +64,7 @@ def test_a_drive_without_a_limit_has_none_near_another():
     assert predict(DRIVE, ["critical_gain_x1_simulated"], draws=2)["critical_gain_x1_simulated"].ci95 == (None, None)
 
 
-@pytest.mark.parametrize(("feedback", "gain"), [("x1", 0.05), ("x2", 0.05), ("x2", 0.3)])
+@each(("feedback", "gain"), [("x1", 0.05), ("x2", 0.05), ("x2", 0.3)])
 def test_phase_margin_is_python_controls(feedback, gain):
     expected = control.margin(gain * DRIVE.linear.transfer_function(feedback))[1]
     assert phase_margin(DRIVE, feedback, gain) == pytest.approx(expected, abs=0.01)

@@ -15,6 +15,7 @@ from baselines.lab_page.uploads import RefusedError, safe_path, take
 from baselines.rl.agents import FOLDER as AGENTS
 from flexdrive_gym import DEFAULT_DRIVE
 from identification import read_recordings
+from tests.each import each
 
 
 async def pieces(data, size=65536):
@@ -22,7 +23,7 @@ async def pieces(data, size=65536):
         yield data[i : i + size]
 
 
-@pytest.mark.parametrize("name", ["../x.csv", "/etc/x.csv", "a/../../x.csv", "C:\\x.csv", "", "a\x00.csv", "..\\x.csv"])
+@each("name", ["../x.csv", "/etc/x.csv", "a/../../x.csv", "C:\\x.csv", "", "a\x00.csv", "..\\x.csv"])
 def test_names_that_lead_elsewhere_are_refused(name):
     with pytest.raises(RefusedError):
         safe_path(name)

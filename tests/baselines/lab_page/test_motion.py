@@ -10,6 +10,7 @@ from baselines.lab_page.settings import Push, Settings, from_query
 from flexdrive_gym import DEFAULT_DRIVE, LinearController, PControl
 from flexdrive_gym.references import handout_trajectory
 from flexdrive_gym.units import Units
+from tests.each import each
 
 
 def test_p_control_is_the_drives_own_closed_loop():
@@ -74,7 +75,7 @@ def test_the_address_holds_the_settings():
     assert (again, refused) == (settings, [])
 
 
-@pytest.mark.parametrize(
+@each(
     ("pair", "words"),
     [
         (("gain", "nan"), "gain: must lie in [0.005, 10]; got nan"),

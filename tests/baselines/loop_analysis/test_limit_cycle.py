@@ -5,7 +5,7 @@ import pytest
 
 from baselines.controllers.p_control import proportional
 from baselines.lab.stability_study import study_stability
-from baselines.loop_analysis.limit_cycle import simulated_limit, sustained, sustained_curve
+from baselines.loop_analysis.limit_cycle import limit_cycle, limit_cycle_curve, simulated_limit
 from flexdrive_gym import Drive
 from tests.drive.drives import FRICTIONLESS, RIG
 
@@ -16,12 +16,12 @@ RIG_DRIVE = Drive({**RIG, "saturation.limit": 8.0})
 def test_without_friction_the_amplitude_does_not_matter():
     drive = Drive(FRICTIONLESS)
     for amplitude in (1.0, 10.0, 100.0):
-        found = sustained(drive, UNIT, amplitude)
+        found = limit_cycle(drive, UNIT, amplitude)
         assert found.factor == pytest.approx(drive.linear.routh_critical_gain(), rel=5e-3)
 
 
 def test_large_vibrations_feel_no_friction_small_ones_much():
-    curve = sustained_curve(Drive(RIG), UNIT, [3.0, 10.0, 30.0, 1000.0])
+    curve = limit_cycle_curve(Drive(RIG), UNIT, [3.0, 10.0, 30.0, 1000.0])
     factors = [s.factor for s in curve]
     assert factors == sorted(factors, reverse=True)
     assert factors[-1] == pytest.approx(Drive(RIG).linear.routh_critical_gain(), rel=0.02)
@@ -29,18 +29,18 @@ def test_large_vibrations_feel_no_friction_small_ones_much():
 
 @pytest.mark.parametrize("amplitude", [12.0, 20.0, 32.0])
 def test_simulation_confirms_harmonic_balance(amplitude):
-    start = sustained(RIG_DRIVE, UNIT, amplitude, limit=8.0)
+    start = limit_cycle(RIG_DRIVE, UNIT, amplitude, limit=8.0)
     assert simulated_limit(RIG_DRIVE, UNIT, start) == pytest.approx(start.factor, rel=0.025)
 
 
 def test_a_limited_command_cannot_feed_any_vibration():
-    assert sustained(RIG_DRIVE, UNIT, 80.0, limit=8.0).factor == np.inf
-    assert np.isfinite(sustained(RIG_DRIVE, UNIT, 80.0).factor)
+    assert limit_cycle(RIG_DRIVE, UNIT, 80.0, limit=8.0).factor == np.inf
+    assert np.isfinite(limit_cycle(RIG_DRIVE, UNIT, 80.0).factor)
 
 
 def test_amplitude_must_be_positive():
     with pytest.raises(ValueError, match="positive amplitude"):
-        sustained(RIG_DRIVE, UNIT, 0.0)
+        limit_cycle(RIG_DRIVE, UNIT, 0.0)
 
 
 def test_a_student_finds_the_linear_limit_only_without_friction():
@@ -65,5 +65,5 @@ def test_a_student_on_the_identified_rig_finds_nearly_what_the_real_students_fou
 
 def test_a_vibration_that_leaves_all_bounds_has_grown():
     soft = Drive({**RIG, "saturation.limit": 8.0, "hardening_spring.k3": -RIG["k"] / (3.0 * 40.0**2)})
-    start = sustained(soft, UNIT, 30.0, limit=8.0)
+    start = limit_cycle(soft, UNIT, 30.0, limit=8.0)
     assert simulated_limit(soft, UNIT, start) < 1.1 * simulated_limit(RIG_DRIVE, UNIT, start)

@@ -9,15 +9,23 @@ import pytest
 from baselines.controllers import FAMILIES, design
 from baselines.controllers.p_control import proportional
 from baselines.loop_analysis.empirical_margins import empirical_margins
-from baselines.loop_analysis.loops import closed_loop, is_stable, linear_part, loop_gain, loop_response, sampled_drive
+from baselines.loop_analysis.loops import closed_loop, is_stable, linear_part, loop_response, sampled_drive
 from baselines.loop_analysis.margins import margins
 from flexdrive_gym import DEFAULT_DRIVE, Drive, PControl
-from flexdrive_gym.drive.linear_controller import run_batch
+from flexdrive_gym.drive.batch.closed_loop import run_batch
 from flexdrive_gym.references import handout_trajectory
 from tests.drive.drives import FRICTIONLESS, RIG
+from tests.each import each
 
 LINEAR = Drive(FRICTIONLESS)
 RIG_DRIVE = Drive({**RIG, "saturation.limit": 8.0})
+
+
+def loop_gain(drive, controller):
+    """The loop gain L(z), broken at the command, for negative feedback, by python-control."""
+    A, B, C = sampled_drive(drive, controller.sample_time)
+    plant = control.ss(A, B, C, np.zeros((drive.carts, 1)), controller.sample_time)
+    return -controller.state_space()[0, 1 : 1 + drive.carts] * plant
 
 
 def test_without_delay_it_is_python_controls_zero_order_hold():
@@ -28,7 +36,7 @@ def test_without_delay_it_is_python_controls_zero_order_hold():
     assert np.array_equal(C, theirs.C)
 
 
-@pytest.mark.parametrize("tau", [0.0, 0.0004, 0.001, 0.0027, 0.003])
+@each("tau", [0.0, 0.0004, 0.001, 0.0027, 0.003])
 def test_any_delay_is_what_the_simulation_does(tau):
     drive = LINEAR.replace({"input_delay.tau": tau}) if tau else LINEAR
     u = np.random.default_rng(0).normal(size=300)
@@ -41,7 +49,7 @@ def test_any_delay_is_what_the_simulation_does(tau):
     assert np.max(np.abs(np.array(seen)[:, 1] - run.x2)) < 1e-8
 
 
-@pytest.mark.parametrize("name", ["lab4", "cascade", "lqg"])
+@each("name", ["lab4", "cascade", "lqg"])
 def test_closed_loop_is_what_the_compiled_loop_does(name):
     controller = design(name, RIG_DRIVE).controller.replace(limit=np.inf)
     t = np.arange(1000) * 1e-3
@@ -106,7 +114,7 @@ def test_integral_action_holds_any_steady_disturbance():
     assert margins(RIG_DRIVE, design("lead", RIG_DRIVE).controller).static_stiffness < 1.0
 
 
-@pytest.mark.parametrize("name", FAMILIES)
+@each("name", FAMILIES)
 def test_margins_by_trial_agree_with_python_control(name):
     if name == "h_infinity":
         pytest.importorskip("slycot", reason="needs the extra control")

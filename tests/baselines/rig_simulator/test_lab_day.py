@@ -13,6 +13,7 @@ from baselines.rig_simulator.make import main, make_case
 from baselines.rig_simulator.nuisance import Nuisance, band_noise, profile
 from baselines.rig_simulator.recordings import GAIN, experiments, lab_day, simulate_day, trajectory, velocities
 from baselines.rig_simulator.truth import Truth, draw_truth, make_effect, seal
+from tests.each import each
 
 RIG = {"m1": 7.6e-4, "m2": 3.4e-4, "b1": 9.5e-3, "b2": 3.2e-3, "k": 0.096, "d1": 0.36, "d2": 0.25}
 QUIET = Truth("null", 5, RIG, (), Nuisance(place=25.0))
@@ -115,7 +116,7 @@ def without():
     return {log.experiment.name: log.shown for log in simulate_day(QUIET, FEW)}
 
 
-@pytest.mark.parametrize(
+@each(
     "maker",
     [m for m in (*CATALOGUE, *OUTSIDE) if m.id != "rectified_sensor"],
     ids=lambda m: f"{m.id}@{m.where}",

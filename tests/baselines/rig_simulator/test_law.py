@@ -9,8 +9,9 @@ from baselines.loop_analysis.stability_limit import with_rig
 from baselines.rig_simulator.kernel import COUNT_MM, LIMIT_V
 from baselines.rig_simulator.rig import Law, p_law, quiet, run
 from flexdrive_gym import Drive
-from flexdrive_gym.drive.linear_controller import run_batch
+from flexdrive_gym.drive.batch.closed_loop import run_batch
 from flexdrive_gym.references import handout_trajectory
+from tests.each import each
 
 VALUES = {"m1": 7.6e-4, "m2": 3.4e-4, "b1": 9.5e-3, "b2": 3.2e-3, "k": 0.096, "d1": 0.36, "d2": 0.25}
 XR = handout_trajectory(np.arange(4001) * 1e-3)
@@ -20,7 +21,7 @@ def rms(x):
     return float(np.sqrt(np.mean(np.square(x))))
 
 
-@pytest.mark.parametrize("name", ["p_x2", "pd_x1", "pd_shaped", "lab4", "lab4_friction", "lqg_both"])
+@each("name", ["p_x2", "pd_x1", "pd_shaped", "lab4", "lab4_friction", "lqg_both"])
 def test_the_loop_is_the_packages(name):
     drive = with_rig(Drive(VALUES))
     controller = design(name, drive).controller

@@ -9,7 +9,8 @@ import pytest
 
 from baselines.rig_simulator.kernel import COUNT_MM, _stack
 from baselines.rig_simulator.recordings import trajectory
-from baselines.rig_simulator.rig import Surroundings, quiet, run, vector
+from baselines.rig_simulator.rig import Disturbances, quiet, run, vector
+from tests.each import each
 
 VALUES = {"m1": 7.6e-4, "m2": 3.4e-4, "b1": 9.5e-3, "b2": 3.2e-3, "k": 0.096, "d1": 0.36, "d2": 0.25}
 T = np.arange(4001) * 1e-3
@@ -40,9 +41,7 @@ def test_the_generator_stands_alone():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-@pytest.mark.parametrize(
-    "command", [square(), square(1.5), sine(0.5), sine(3.0), sine(5.0)], ids=["2V", "1.5V", "0.5Hz", "3Hz", "5Hz"]
-)
+@each("command", [square(), square(1.5), sine(0.5), sine(3.0), sine(5.0)], ids=["2V", "1.5V", "0.5Hz", "3Hz", "5Hz"])
 def test_without_effects_it_is_the_handouts_drive(command):
     from flexdrive_gym import Drive
 
@@ -75,7 +74,7 @@ def test_a_long_step_ends_at_the_handouts_steady_velocity():
 
 def released(values, deflection):
     s = quiet(len(T))
-    return run(values, Surroundings(s.over_time, s.track, 0.0, deflection), np.zeros(len(T)))
+    return run(values, Disturbances(s.over_time, s.track, 0.0, deflection), np.zeros(len(T)))
 
 
 def test_without_friction_energy_stays_and_the_frequency_is_the_springs():
@@ -97,7 +96,7 @@ def test_one_sided_dry_friction_is_there_with_either_contact(contact):
     assert b * slow == pytest.approx(2.0 - 1.4 * d1 - d2, rel=0.01)
 
 
-@pytest.mark.parametrize("extra", [{}, {"static1": 0.3}, {"hump2": 0.4}, {"load1": 0.1}], ids=str)
+@each("extra", [{}, {"static1": 0.3}, {"hump2": 0.4}, {"load1": 0.1}], ids=str)
 def test_within_the_friction_band_nothing_ever_creeps(extra):
     states = released(VALUES | extra, 0.95 * 0.25 / 0.096).states
     assert np.all(states[[1, 3]] == 0.0)
@@ -142,13 +141,13 @@ EVEN = {
 }
 
 
-@pytest.mark.parametrize("extra", ODD.values(), ids=ODD)
+@each("extra", ODD.values(), ids=ODD)
 def test_odd_physics_mirrors_with_the_command(extra):
     there, back = (run(VALUES | extra, quiet(len(T)), s * sine(3.0)).shown for s in (1.0, -1.0))
     assert there == pytest.approx(-back, abs=1e-6)
 
 
-@pytest.mark.parametrize("extra", EVEN.values(), ids=EVEN)
+@each("extra", EVEN.values(), ids=EVEN)
 def test_even_physics_does_not(extra):
     there, back = (run(VALUES | extra, quiet(len(T)), s * sine(3.0)).shown for s in (1.0, -1.0))
     assert np.max(np.abs(there + back)) > 0.5

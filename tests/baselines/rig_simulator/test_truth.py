@@ -9,6 +9,7 @@ import pytest
 from baselines.rig_simulator.catalogue import CATALOGUE, LOOK_ALIKES, OUTSIDE, size_one
 from baselines.rig_simulator.kernel import NULLS
 from baselines.rig_simulator.truth import KINDS, MIXTURE, SIZES, draw_drive, draw_truth, find, seal
+from tests.each import each
 
 # ids of the catalogue of left-out physics; the handout's ratios are hypothesis zero and random in every case,
 # an encoder that drops out is a fault
@@ -76,7 +77,7 @@ def test_drives_are_realistic_and_some_obey_the_handout():
     assert ratios == pytest.approx([0.1] * len(ratios), rel=1e-3)
 
 
-@pytest.mark.parametrize("maker", [*CATALOGUE, *OUTSIDE], ids=lambda m: f"{m.id}@{m.where}")
+@each("maker", [*CATALOGUE, *OUTSIDE], ids=lambda m: f"{m.id}@{m.where}")
 def test_numbers_are_finite_and_grow_with_size(maker):
     drive = draw_drive(np.random.default_rng(1))
     small, large = (maker.make(np.random.default_rng(2), drive, s * size_one(maker)) for s in (0.5, 1.0))

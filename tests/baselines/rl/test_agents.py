@@ -14,6 +14,7 @@ from baselines.rl.agents import Agent, agent_names, find_agent, load_agent, save
 from flexdrive_gym import DEFAULT_DRIVE, Drive
 from flexdrive_gym.environment import FlexDriveEnv
 from flexdrive_gym.references import handout_trajectory
+from tests.each import each
 
 TASK = {"sensing": "non_collocated", "control_period": 5e-3, "voltage_limit": 8.0, "preview": [0.02, 0.05, 0.1]}
 
@@ -161,7 +162,7 @@ def test_unknown_names_get_a_hint():
         find_agent("x2_0")
 
 
-@pytest.mark.parametrize("name", agent_names())
+@each("name", agent_names())
 def test_ready_trained_agents_load(name):
     agent = find_agent(name)
     assert agent.name == name

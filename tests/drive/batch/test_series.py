@@ -10,6 +10,7 @@ from flexdrive_gym.drive import forces, layout, parameters
 from flexdrive_gym.drive.batch import series
 from tests.drive.drives import RIG
 from tests.drive.reference import TwoMasses
+from tests.each import each
 
 NAMES = tuple(excitations(np.zeros(1)))
 
@@ -28,8 +29,8 @@ def states(drive, u, period, **arguments):
     return np.array(found)
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("period", [1e-3, 5e-3, 2e-2])
+@each("name", NAMES)
+@each("period", [1e-3, 5e-3, 2e-2])
 def test_agrees_with_event_driven_integration_by_another_library(name, period):
     t = np.arange(round(2.0 / period) + 1) * period
     u = excitations(t)[name]

@@ -9,6 +9,7 @@ from flexdrive_gym.drive.sample import WORK_SPACE
 from tests.drive.drives import FRICTIONLESS, RIG
 from tests.drive.effects.reference import Masses
 from tests.drive.effects.runs import instants, states
+from tests.each import each
 
 # what quick fits of the handout's rig say
 M, FREQUENCY, ZETA = 2.3e-3, 34.0, 0.05
@@ -85,7 +86,7 @@ def test_agrees_with_event_driven_integration_of_three_masses(strong):
     assert np.abs(found - plain)[[1, 3]].max() > 100.0 * error
 
 
-@pytest.mark.parametrize("frequency", [2.0, 12.0, 20.0, 31.0, 45.0])
+@each("frequency", [2.0, 12.0, 20.0, 31.0, 45.0])
 def test_frequency_response_is_that_of_three_masses(frequency):
     rig = {**FRICTIONLESS, "b1": 0.02, "b2": 0.01}
     w = 2 * np.pi * frequency

@@ -1,11 +1,11 @@
 """Every kind of effect against an integration that shares no code with the package."""
 
 import numpy as np
-import pytest
 
 from tests.drive.drives import RIG
 from tests.drive.effects.reference import Masses
 from tests.drive.effects.runs import instants, states
+from tests.each import each
 
 T = instants(1.2)
 U = 1.3 * np.where(T % 0.6 < 0.3, 1.0, -1.0) + 0.4 * np.sin(2 * np.pi * 7 * T)
@@ -38,6 +38,11 @@ CASES = {
         {"stribeck.cart_1.extra": 0.1, "stribeck.cart_1.vs": 30.0},
         {"level_1": lambda _t, y, _s, _fs: D1 + 0.1 * np.exp(-((y[1] / 30.0) ** 2))},
         1e-6,
+    ),
+    "saturating friction": (
+        {"saturating_friction.cart_1.d": 0.3, "saturating_friction.cart_1.v0": 60.0},
+        {"on_1": lambda _t, y, _s: -0.3 * np.tanh(y[1] / 60.0)},
+        1e-5,
     ),
     "breakaway": ({"breakaway.cart_2.extra": 0.1}, {"extra_2": 0.1}, 1e-6),
     "asymmetries and drag": (
@@ -158,7 +163,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("name", CASES)
+@each("name", CASES)
 def test_agrees_with_event_driven_integration_at_one_millisecond(name):
     values, functions, tolerance = CASES[name]
     expected = np.zeros((4, len(T)))

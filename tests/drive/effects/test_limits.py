@@ -7,12 +7,13 @@ from flexdrive_gym import Drive
 from flexdrive_gym.references import sine
 from tests.drive.drives import FRICTIONLESS, RIG
 from tests.drive.effects.runs import H, instants, states
+from tests.each import each
 
 D1, D2, K = RIG["d1"], RIG["d2"], RIG["k"]
 RIGID = {"m1": 1.1e-3, "b1": 0.0127, "d1": 0.6}
 
 
-@pytest.mark.parametrize(
+@each(
     "extra",
     [
         {"breakaway.cart_1.extra": 0.1},
@@ -91,7 +92,7 @@ def test_soft_limit_passes_small_commands_and_ends_at_the_limit(softness):
         assert force(1.0) == pytest.approx(1.0, rel=1e-3)
 
 
-@pytest.mark.parametrize("tau", [1e-4, 2e-3, 6e-3])
+@each("tau", [1e-4, 2e-3, 6e-3])
 def test_lag_is_a_first_order_step_response(tau):
     # without friction m·v = ∫u: the lagged step has the impulse t - τ·(1 - exp(-t/τ))
     t = instants(0.05)
@@ -120,7 +121,7 @@ def test_backlash_leaves_the_carts_alone_inside():
     assert pulled == pytest.approx(K * 3.0, rel=1e-4)
 
 
-@pytest.mark.parametrize(("delta", "force"), [(8.0, 8.0 * K), (12.0, 12.0 * K + 2.0 * 0.1), (-12.0, -12.0 * K - 0.2)])
+@each(("delta", "force"), [(8.0, 8.0 * K), (12.0, 12.0 * K + 2.0 * 0.1), (-12.0, -12.0 * K - 0.2)])
 def test_coils_touch_beyond_their_deflection(delta, force):
     values = {**FRICTIONLESS, "coil_bind.kb": 0.1, "coil_bind.d0": 10.0}
     v2 = states(values, np.zeros(2), h=1e-6, start=(delta, 0.0, 0.0, 0.0))[3, 1]

@@ -7,6 +7,7 @@ from flexdrive_gym import Drive
 from flexdrive_gym.drive import parameters
 from tests.drive.drives import FRICTIONLESS, RIG
 from tests.drive.effects.runs import BY_ID, INSTANCES, NAMES, instants, start_values, states
+from tests.each import each
 
 T = instants(2.0)
 HARD = 2.0 * np.where(T % 0.8 < 0.4, 1.0, -1.0) + 0.5 * np.sin(2 * np.pi * 5 * T)
@@ -47,7 +48,7 @@ def energy(rig, x1, v1, x2, v2):
     return 0.5 * (rig["m1"] * v1**2 + rig["m2"] * v2**2 + rig["k"] * (x1 - x2) ** 2)
 
 
-@pytest.mark.parametrize("name", DISSIPATIVE)
+@each("name", DISSIPATIVE)
 def test_friction_never_adds_energy(name):
     effect = BY_ID[name]
     for where in effect.where:
@@ -58,7 +59,7 @@ def test_friction_never_adds_energy(name):
         assert v2[-1] == 0.0
 
 
-@pytest.mark.parametrize("name", POTENTIALS)
+@each("name", POTENTIALS)
 def test_springs_and_potentials_keep_energy(name):
     values, potential = POTENTIALS[name]
     rig = {**FRICTIONLESS, "b1": 0.0, "b2": 0.0}
@@ -96,7 +97,7 @@ def test_appendages_never_add_energy(zeta):
     assert (e[-1000:].max() > 0.97 * at_start) == (zeta == 0.0)
 
 
-@pytest.mark.parametrize(("effect", "where"), INSTANCES, ids=NAMES)
+@each(("effect", "where"), INSTANCES, ids=NAMES)
 def test_mirror_symmetry_holds_exactly_where_it_should(effect, where):
     values = {**RIG, **start_values(effect, where)}
     # the parts that make a ripple lopsided about x = 0: a force must be odd, a level of friction even
@@ -106,7 +107,7 @@ def test_mirror_symmetry_holds_exactly_where_it_should(effect, where):
     assert mirrored == (effect.id not in EVEN)
 
 
-@pytest.mark.parametrize(("effect", "where"), INSTANCES, ids=NAMES)
+@each(("effect", "where"), INSTANCES, ids=NAMES)
 def test_a_millisecond_is_fine_enough(effect, where):
     values = {**RIG, **start_values(effect, where)}
     coarse, fine = states(values, HARD), states(values, HARD, physics_step=1.25e-4)
@@ -114,7 +115,7 @@ def test_a_millisecond_is_fine_enough(effect, where):
     assert np.abs(coarse - fine)[[1, 3]].max() <= (1e-3 if kinks else 2e-5) * np.abs(fine[[1, 3]]).max()
 
 
-@pytest.mark.parametrize(
+@each(
     ("effect", "where"),
     [
         pytest.param(*i, id=name)
@@ -134,7 +135,7 @@ def test_a_rigid_drive_has_it_too(effect, where):
     assert any(differs)
 
 
-@pytest.mark.parametrize(("effect", "where"), INSTANCES, ids=NAMES)
+@each(("effect", "where"), INSTANCES, ids=NAMES)
 def test_a_size_grows_from_nothing(effect, where):
     # a hundredth of the size does about a hundredth of the harm, so a sensitivity at null means something
     sizes = [q for q in effect.parameters if q.role == "size"]
@@ -159,7 +160,7 @@ def test_shapes_alone_leave_the_fast_variant():
     assert set(Drive({**RIG, **shapes, "stribeck.cart_1.vs": 40.0}).values) == {*RIG, *shapes}
 
 
-@pytest.mark.parametrize(
+@each(
     ("effect", "where"),
     # a drive with others is linear between events, and goes by its table there
     [

@@ -8,6 +8,7 @@ from flexdrive_gym.drive import kernels, parameters
 from flexdrive_gym.drive.sample import WORK_SPACE
 from tests.drive.drives import RIG
 from tests.drive.effects.runs import H, instants
+from tests.each import each
 
 T = instants(2.0)
 U = 2.0 * np.where(T % 0.8 < 0.4, 1.0, -1.0) + 0.5 * np.sin(2 * np.pi * 5 * T)
@@ -29,10 +30,11 @@ SENSORS = [
     {"encoder_eccentricity.a_sin": 0.3, "encoder_eccentricity.P": 15.0},
     {"encoder_delay.encoder_1.tau": 0.0024},
     {"rectified_sensor.encoder_1.share": 1.0},
+    {"rectified_sensor.encoder_1.share": 1.0, "rectified_sensor.encoder_1.e": 0.2},
 ]
 
 
-@pytest.mark.parametrize("values", SENSORS)
+@each("values", SENSORS)
 def test_sensors_do_not_touch_the_physics(values):
     assert np.allclose(replay({**RIG, **values}, U)[1], replay(RIG, U)[1], atol=1e-9)
 
@@ -63,7 +65,7 @@ def test_scale_and_eccentricity_in_the_documented_order():
     assert np.allclose(readings[1] / 0.01, np.rint(readings[1] / 0.01), atol=1e-6)
 
 
-@pytest.mark.parametrize("tau", [0.4e-3, 2e-3, 3.7e-3])
+@each("tau", [0.4e-3, 2e-3, 3.7e-3])
 def test_a_late_channel_reads_the_past(tau):
     readings, states = replay({**RIG, "encoder_delay.encoder_2.tau": tau}, U)
     late = np.interp(T - tau, T, states[2], left=0.0)
@@ -94,6 +96,13 @@ def test_pulse_counters_lose_the_sign():
     for rate in np.abs(plain[2, 1:]):
         expected.append(a * expected[-1] + (1 - a) * rate)
     assert np.allclose(filtered[2], expected, atol=1e-6)
+
+
+def test_a_bent_counter_shows_a_power_of_the_speed():
+    plain, _states = replay(RIG, U)
+    bent, _states = replay({**RIG, "rectified_sensor.encoder_1.share": 1.0, "rectified_sensor.encoder_1.e": 0.2}, U)
+    assert np.allclose(bent[2], 100.0 * (np.abs(plain[2]) / 100.0) ** 1.2, atol=1e-5)
+    assert np.allclose(bent[3], plain[3], atol=1e-6)
 
 
 def test_a_drive_started_again_has_forgotten():

@@ -2,7 +2,6 @@
 
 import numba
 import numpy as np
-import pytest
 
 from flexdrive_gym.drive.compilation import OPTIONS, pointer
 from flexdrive_gym.drive.simd.pack import (
@@ -17,6 +16,7 @@ from flexdrive_gym.drive.simd.pack import (
     spread,
     with_lane,
 )
+from tests.each import each
 
 # signs of zero, ends of the range and what is no number among them
 A = np.array([1.5, -0.0, np.inf, -7.25, np.nan, 0.0, 3.0, -1e-310])
@@ -42,7 +42,7 @@ OF_TWO = {
 }
 
 
-@pytest.mark.parametrize("name", OF_TWO)
+@each("name", OF_TWO)
 def test_every_lane_is_as_the_number_alone(name):
     function = numba.njit(**OPTIONS)(OF_TWO[name])
 

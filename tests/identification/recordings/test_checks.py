@@ -4,6 +4,7 @@ import pytest
 from flexdrive_gym.units import LAB, Units
 from identification.recordings import RecordingError
 from identification.recordings.checks import check_excitation, check_units, scale_warnings
+from tests.each import each
 from tests.identification.recordings.logs import COUNT, TS, open_loop, speed, velocity_log
 
 T, U, X1, X2 = open_loop()
@@ -44,7 +45,7 @@ def test_micrometres_per_second_labelled_millimetres():
         check(v1=1e3 * V1)
 
 
-@pytest.mark.parametrize("amplitude", [0.55, 0.6, 2.0])
+@each("amplitude", [0.55, 0.6, 2.0])
 def test_micrometres_per_second_of_a_slow_cart(amplitude):
     # a cart that creeps count by count is too fast in single samples only, but the others are too fast as well
     log = velocity_log("sine", amplitude, 1.0)
@@ -79,7 +80,7 @@ def test_micrometres_labelled_millimetres():
         check(x2=1e3 * X1)
 
 
-@pytest.mark.parametrize("factor", [10.0, 0.1, 1e-3])
+@each("factor", [10.0, 0.1, 1e-3])
 def test_velocity_that_disagrees_with_position(factor):
     with pytest.raises(RecordingError, match=r"column v2: its integral must agree with x2; .*v2_m_s or x2_m"):
         check(v2=V2, x2=factor * X2)
@@ -129,7 +130,7 @@ def test_a_run_of_the_rig_warns_of_nothing():
     assert scale_warnings({"u": slow["u_V"], "v1": slow["v1_mm_s"]}, {}, TS) == ()
 
 
-@pytest.mark.parametrize(
+@each(
     ("signals", "said"),
     [
         ({"x1": 1e3 * X1}, "x1 moves in steps of 4.66 mm: are these an encoder's counts"),

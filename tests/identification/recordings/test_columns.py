@@ -1,10 +1,13 @@
+import re
+
+import numpy as np
 import pytest
 
-from identification.recordings import RecordingError
-from identification.recordings.columns import conversion, read_label, recognise_column
+from identification.recordings.columns import conversion, no_unit, read_label
+from tests.each import each
 
 
-@pytest.mark.parametrize(
+@each(
     ("label", "signal", "factor"),
     [
         ("t", "t", 1.0),
@@ -44,27 +47,32 @@ from identification.recordings.columns import conversion, read_label, recognise_
     ],
 )
 def test_names_and_units_that_labs_use(label, signal, factor):
-    column = recognise_column(label)
+    column = read_label(label)
     assert column is not None
     assert (column.signal, column.factor) == (signal, factor)
 
 
-@pytest.mark.parametrize("label", ["y_V", "v", "x3", "temperature [C]", "", "flag"])
+@each("label", ["y_V", "v", "x3", "temperature [C]", "", "flag"])
 def test_other_names_are_unknown(label):
-    assert recognise_column(label) is None
+    assert read_label(label) is None
 
 
 def test_ms_is_a_millisecond_of_time_but_a_metre_per_second_of_velocity():
-    assert recognise_column("t [ms]").factor == 1e-3
-    assert recognise_column("v1 [ms]").factor == 1000.0
+    assert read_label("t [ms]").factor == 1e-3
+    assert read_label("v1 [ms]").factor == 1000.0
+
+
+def refused(label):
+    column = read_label(label)
+    assert np.isnan(column.factor)
+    return str(no_unit("log.csv", label, column.signal, column.unit))
 
 
 def test_unknown_unit_of_a_known_signal_is_refused():
-    with pytest.raises(RecordingError, match=r"log.csv: column v1 \[ticks/s\]: the unit .* mm/s; got ticks/s"):
-        recognise_column("v1 [ticks/s]", "log.csv")
+    assert re.search(r"log.csv: column v1 \[ticks/s\]: the unit .* mm/s; got ticks/s", refused("v1 [ticks/s]"))
 
 
-@pytest.mark.parametrize(
+@each(
     ("label", "signal", "origin", "factor"),
     [
         ("t_exp", "t", "measured", 1.0),
@@ -91,12 +99,12 @@ def test_words_that_say_whence_a_signal_comes(label, signal, origin, factor):
     assert (column.signal, column.origin, column.factor) == (signal, origin, factor)
 
 
-@pytest.mark.parametrize("label", ["test", "temp", "timeout", "exp", "data", "simout", "x1exp2", "raw"])
+@each("label", ["test", "temp", "timeout", "exp", "data", "simout", "x1exp2", "raw"])
 def test_words_that_only_look_like_that(label):
     assert read_label(label) is None
 
 
-@pytest.mark.parametrize(
+@each(
     ("label", "wanted", "factor"),
     [
         ("x1 [deg]", "rad", 3.141592653589793 / 180.0),
@@ -114,5 +122,4 @@ def test_a_unit_is_converted_to_the_rigs_where_both_measure_the_same(label, want
 
 
 def test_a_foreign_unit_says_what_to_write():
-    with pytest.raises(RecordingError, match=r"got rad. .* rig.toml .*: \[units\] x1 = \{ unit = \"rad\" \}"):
-        recognise_column("x1_rad", "log.csv")
+    assert re.search(r"got rad. .* rig.toml .*: \[units\] x1 = \{ unit = \"rad\" \}", refused("x1_rad"))

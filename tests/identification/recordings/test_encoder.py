@@ -5,6 +5,7 @@ import pytest
 
 from flexdrive_gym.recording import Recording
 from identification.recordings import find_faults, recognise_excitation
+from tests.each import each
 from tests.identification.recordings.logs import COUNT, TS, closed_loop, open_loop, recording, speed
 
 
@@ -31,7 +32,7 @@ def play(x, gap):
     return np.round(reading / COUNT) * COUNT
 
 
-@pytest.mark.parametrize(
+@each(
     ("kind", "amplitude", "frequency"),
     [("square", 0.5, 0.5), ("square", 2.0, 0.5), ("sine", 2.5, 2.0), ("sine", 2.5, 12.0), ("sine", 0.6, 1.0)],
 )
@@ -41,8 +42,8 @@ def test_friction_that_holds_a_cart_is_no_fault(kind, amplitude, frequency):
     assert faults(run) == []
 
 
-@pytest.mark.parametrize("cart", ["1", "2"])
-@pytest.mark.parametrize("length", [12, 40, 300])
+@each("cart", ["1", "2"])
+@each("length", [12, 40, 300])
 def test_a_frozen_encoder_is_found_with_the_samples_its_edges_cut(cart, length):
     run = recording()
     v = getattr(run, f"v{cart}")
@@ -114,8 +115,8 @@ def test_impacts_that_keep_time_with_the_drive_are_no_fault():
     assert any("recur with the drive" in note for note in changed.notes)
 
 
-@pytest.mark.parametrize("cart", ["1", "2"])
-@pytest.mark.parametrize("length", [1, 2, 5])
+@each("cart", ["1", "2"])
+@each("length", [1, 2, 5])
 def test_counts_lost_for_a_moment(cart, length):
     v = getattr(recording(), f"v{cart}").copy()
     before = v.copy()

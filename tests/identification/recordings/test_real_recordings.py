@@ -8,6 +8,7 @@ import pytest
 
 from identification.recordings import RecordingError, read_recordings, write_recording
 from identification.recordings.rig import parse_rig
+from tests.each import each
 
 COUNT = 0.0046592  # mm
 
@@ -170,7 +171,7 @@ def test_another_makers_rig_in_counts(shared_recordings):
     assert runs[0].recorded.isoformat() == "2025-02-07T09:20:49"
 
 
-@pytest.mark.parametrize(
+@each(
     ("folder", "rig", "only", "units"),
     [
         ("lugre_servo", "servo axis", "*_1.txt", ("rad", "N m")),

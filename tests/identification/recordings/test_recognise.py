@@ -3,6 +3,7 @@ import pytest
 
 from identification.recordings import recognise_excitation
 from identification.recordings.recognise import find_limit
+from tests.each import each
 from tests.identification.recordings.logs import closed_loop, open_loop, sine, square, time, trajectory
 
 T = time(8.0)
@@ -14,8 +15,8 @@ def held(*parts):
 
 
 class TestSquare:
-    @pytest.mark.parametrize("sign", [1.0, -1.0])
-    @pytest.mark.parametrize(("amplitude", "frequency"), [(1.5, 0.5), (0.8, 2.0), (3.0, 10.0), (2.0, 0.21)])
+    @each("sign", [1.0, -1.0])
+    @each(("amplitude", "frequency"), [(1.5, 0.5), (0.8, 2.0), (3.0, 10.0), (2.0, 0.21)])
     def test_amplitude_and_frequency(self, amplitude, frequency, sign):
         found = recognise_excitation(T, sign * square(T, amplitude, frequency))
         assert found.kind == "square"
@@ -26,7 +27,7 @@ class TestSquare:
         t = time(3.0)
         assert recognise_excitation(t, square(t, 2.0, 0.5)).kind == "square"
 
-    @pytest.mark.parametrize("before", [0.0, 0.7, -2.0])
+    @each("before", [0.0, 0.7, -2.0])
     def test_a_constant_start_and_end(self, before):
         t, u = held(np.full(1234, before), square(T, 2.0, 0.5), np.zeros(700))
         found = recognise_excitation(t, u)
@@ -47,9 +48,7 @@ class TestSquare:
 
 
 class TestSine:
-    @pytest.mark.parametrize(
-        ("amplitude", "frequency"), [(2.5, 0.5), (2.0, 3.5), (2.5, 4.5), (2.5, 20.0), (0.3, 49.7), (1.0, 0.2)]
-    )
+    @each(("amplitude", "frequency"), [(2.5, 0.5), (2.0, 3.5), (2.5, 4.5), (2.5, 20.0), (0.3, 49.7), (1.0, 0.2)])
     def test_amplitude_and_frequency(self, amplitude, frequency):
         found = recognise_excitation(T, sine(T, amplitude, frequency))
         assert found.kind == "sine"
@@ -66,7 +65,7 @@ class TestSine:
         assert recognise_excitation(t, sine(t, 1.0, 7.0)).frequency == pytest.approx(7.0, rel=1e-3)
 
 
-@pytest.mark.parametrize(
+@each(
     "u",
     [
         np.sign(np.random.default_rng(2).normal(size=80)).repeat(100)[: T.size],

@@ -3,6 +3,7 @@ import pytest
 
 from identification.recordings import RecordingError
 from identification.recordings.timing import make_uniform, spans
+from tests.each import each
 from tests.identification.recordings.logs import square, time
 
 
@@ -178,9 +179,7 @@ def test_seconds_labelled_milliseconds():
         uniform(t, u=square(t))
 
 
-@pytest.mark.parametrize(
-    "t", [time(0.15), np.arange(40) * 0.02, np.zeros(1)], ids=["0.15 s", "40 samples", "one sample"]
-)
+@each("t", [time(0.15), np.arange(40) * 0.02, np.zeros(1)], ids=["0.15 s", "40 samples", "one sample"])
 def test_too_short(t):
     with pytest.raises(RecordingError, match="a recording must last 0.2 s and 50 samples; got"):
         uniform(t, u=square(t))

@@ -8,6 +8,7 @@ import pytest
 from identification.replay.batch import Together
 from identification.replay.output_error import prepare, simulate_run
 from tests.drive.drives import RIG
+from tests.each import each
 from tests.identification.mismatch.lab import KINDS, data_set
 
 DRIVES = [
@@ -34,7 +35,7 @@ def alone(values, run, offset=0.0, pushes=None):
     return np.array(found)
 
 
-@pytest.mark.parametrize("values", DRIVES)
+@each("values", DRIVES)
 def test_every_recording_as_by_itself(runs, values):
     offsets = np.linspace(0.0, 5.0, len(runs))
     expected = np.concatenate([alone(values, run, o) for run, o in zip(runs, offsets, strict=True)])

@@ -10,6 +10,7 @@ from identification.replay.batch import Together
 from identification.replay.output_error import prepare
 from tests.drive.drives import RIG
 from tests.drive.effects.runs import start_values
+from tests.each import each
 from tests.identification.mismatch.lab import data_set
 
 INSTANCES = [
@@ -54,12 +55,12 @@ def same(day, values, pushes=None):
     assert np.array_equal(together, single)
 
 
-@pytest.mark.parametrize(("effect", "where"), INSTANCES, ids=NAMES)
+@each(("effect", "where"), INSTANCES, ids=NAMES)
 def test_every_effect_does_in_a_lane_what_it_does_alone(runs, effect, where):
     same(Together(runs), {**RIG, **start_values(effect, where)})
 
 
-@pytest.mark.parametrize("name", FURTHER)
+@each("name", FURTHER)
 def test_so_do_delays_limits_and_several_effects(runs, name):
     values = {k: v for k, v in {**RIG, **FURTHER[name]}.items() if v is not None}
     day = runs
@@ -73,7 +74,7 @@ def test_so_do_pushes_on_a_drive_without_effects(runs):
     same(Together(runs), RIG, [0.1 * rng.standard_normal((2, len(run.u))) for run in runs])
 
 
-@pytest.mark.parametrize("effects", [{}, {"presliding.cart_2.fd": 0.2}, {"stribeck.cart_1.extra": 0.1}])
+@each("effects", [{}, {"presliding.cart_2.fd": 0.2}, {"stribeck.cart_1.extra": 0.1}])
 def test_so_does_friction_of_its_own_in_every_run(runs, effects):
     rng = np.random.default_rng(4)
     drives = [{**RIG, **effects, "d1": d1, "d2": d2} for d1, d2 in rng.uniform(0.1, 0.4, (len(runs), 2))]
