@@ -263,7 +263,7 @@ def significance_of(step: Round) -> float:
 
     What is named may be another that predicts as well with fewer parameters.
     """
-    return min(s.significance for s in step.scored)
+    return min(s.p for s in step.scored)
 
 
 def _estimates(scored: Scored, drive: Drive) -> dict[str, Estimate]:

@@ -44,28 +44,26 @@ class Table:
 
     Attributes
     ----------
-    total, rest
-        Name to gains over all units, and over all but the one that gains most, ndarray, shape (data sets,): of its best entry.
+    total
+        Name to the gain of its best entry, ndarray, shape (data sets,).
     best
         Name to its best entry in the first data set.
     """
 
     total: dict[Name, FloatArray]
-    rest: dict[Name, FloatArray]
     best: dict[Name, Best]
 
     def take(self, entry: Best, gain: FloatArray) -> None:
         """Keep the better one of a name's entries in every data set; ``gain`` has the shape (U, data sets)."""
         name = entry.candidate.name
-        total, rest = gain.sum(axis=0), trimmed(gain.T)
+        total = trimmed(gain.T)
         if name not in self.total:
-            self.total[name], self.rest[name], self.best[name] = total, rest, entry
+            self.total[name], self.best[name] = total, entry
             return
         better = total > self.total[name]
         if better[0]:
             self.best[name] = entry
         self.total[name] = np.where(better, total, self.total[name])
-        self.rest[name] = np.where(better, rest, self.rest[name])
 
 
 def evaluate(linear: Linear, residual: FloatArray) -> Table:
@@ -79,7 +77,7 @@ def evaluate(linear: Linear, residual: FloatArray) -> Table:
     damping = linear.bench.settings.damping
     g, square = linear.gradient(residual), linear.square(residual)
     base, steps = _left_out(linear, linear.base, g, square, damping)
-    table = Table({}, {}, {})
+    table = Table({}, {})
     for entry in linear.entries:
         if not entry.random:
             left, _ = _left_out(linear, [*linear.base, *entry.columns], g, square, damping)

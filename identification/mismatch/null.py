@@ -91,8 +91,8 @@ def null_of(
     first: FloatArray,
     data: Table,
     seed: Sequence[int],
-) -> tuple[Null, Null]:
-    """Draw the null distributions of gains, and of gains without the experiment that gains most.
+) -> Null:
+    """Draw the null distribution of gains.
 
     Parameters
     ----------
@@ -113,15 +113,10 @@ def null_of(
     gains: list[Table] = [evaluate(linear, first)]
     made = first.shape[1]
     while True:
-        gain = {n: np.concatenate([t.total[n] for t in gains]) for n in gains[0].total}
-        rest = {n: np.concatenate([t.rest[n] for t in gains]) for n in gains[0].rest}
-        nulls = Null.of(gain), Null.of(rest)
-        best = min(
-            max(null.p_value(n, float(own[n][0])) for null, own in zip(nulls, (data.total, data.rest), strict=True))
-            for n in data.total
-        )
+        null = Null.of({n: np.concatenate([t.total[n] for t in gains]) for n in data.total})
+        best = min(null.p_value(n, float(own[0])) for n, own in data.total.items())
         if made >= bench.settings.draws or best * (made + 1) > _ENOUGH:
-            return nulls
+            return null
         rows = noise.white(simulated(bench, values, noise, found, range(made, made + _CHUNK), seed))
         gains.append(evaluate(linear, rows))
         made += _CHUNK

@@ -84,11 +84,13 @@ def studentised(gain: FloatArray) -> FloatArray:
 
 
 def trimmed(gain: FloatArray) -> FloatArray:
-    """Return the sum of gains along the last axis without the largest.
+    """Return the sum of gains along the last axis without the largest gain and without the largest loss.
 
-    What one experiment alone shows is no property of a rig.
+    What one experiment alone shows is no property of a rig, and one that is odd does not speak against what the others show.
     """
-    return np.asarray(gain.sum(axis=-1) - gain.max(axis=-1)) if gain.shape[-1] > 1 else gain.sum(axis=-1)
+    if gain.shape[-1] < 3:
+        return np.asarray(gain.sum(axis=-1))
+    return np.asarray(gain.sum(axis=-1) - gain.max(axis=-1) - np.minimum(gain.min(axis=-1), 0.0))
 
 
 def leave_one_out_variance(form: FloatArray, information: FloatArray, units: IntArray) -> tuple[FloatArray, FloatArray]:

@@ -30,6 +30,10 @@ _TRY = 4
 TIE = 2.0
 # share of a gain that is no difference between two candidates
 NEGLIGIBLE = 0.01
+# significant candidates that are tried beside what was named
+_MORE = 3
+# share of a free function's gain from which on a name stands for it
+NEARLY = 0.9
 # log-likelihood that a parameter must gain to join the generous model: Akaike's one, and one for having been chosen
 _WORTH = 2.0
 
@@ -48,8 +52,8 @@ class Scored:
         Gain of predictive log-likelihood.
     size
         How many parameters it adds.
-    p, p_rest
-        P-values of its gain, and of its gain without the experiment that gains most.
+    p
+        P-value of its gain.
     variability
         What every recording has its own amplitudes of, where the candidate has a phase.
     """
@@ -59,7 +63,6 @@ class Scored:
     gain: FloatArray
     size: int
     p: float = 1.0
-    p_rest: float = 1.0
     variability: tuple[Direction, ...] = ()
 
     @property
@@ -69,13 +72,8 @@ class Scored:
 
     @property
     def total(self) -> float:
-        """Gain over all units."""
-        return float(self.gain.sum())
-
-    @property
-    def significance(self) -> float:
-        """The larger p-value: an experiment alone may gain by chance or by a fault, so the rest must gain, too."""
-        return max(self.p, self.p_rest)
+        """Gain over all units but the one that gains most and the one that loses most."""
+        return float(trimmed(self.gain))
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +86,8 @@ class Round:
         Fit of the model before it.
     scored
         Every candidate that was fitted, the one that is named first.
-    null, null_rest
-        Null distributions of gains, and of gains without the experiment that gains most.
+    null
+        Null distribution of gains.
     noise
         Of the rows.
     accepted
@@ -101,7 +99,6 @@ class Round:
     base: Fit
     scored: tuple[Scored, ...]
     null: Null
-    null_rest: Null
     noise: Noise
     accepted: bool
     variability: tuple[Direction, ...] = ()
@@ -132,15 +129,35 @@ def ranked(scored: Sequence[Scored], significant: Sequence[Scored]) -> list[Scor
 
     Of the significant ones that with the largest gain shows that something is there. Whatever predicts as well or better is asked
     who predicts best, be it significant by itself or not, and of those that tie with that one the least is said: the name with
-    the fewest parameters.
+    the fewest parameters. A free function contains the names that follow its variable, so a name that predicts nearly as much
+    stands for it; what that leaves is looked for in the next round.
     """
     order = sorted(scored, key=lambda s: -s.total)
     names = {s.name for s in significant} or {order[0].name}
     leader = next(s for s in order if s.name in names)
     top = next(s for s in order if s is leader or tied(leader, s))
-    alike = [s for s in order if s is top or tied(top, s)]
-    first = min(alike, key=lambda s: (isinstance(s.candidate, Shape | Line), s.size, -s.total))
+    least = NEARLY * top.total if _free(top) else np.inf
+    alike = [s for s in order if s is top or tied(top, s) or (s.name in names and not _free(s) and s.total >= least)]
+    first = min(alike, key=lambda s: (_free(s), s.size, -s.total))
     return [first, *(s for s in order if s is not first)]
+
+
+def _part(candidate: Candidate, base: Fit, whole: Fit) -> dict[str, float]:
+    return {k: v for k, v in whole.values.items() if k in base.values or k in candidate.keys}
+
+
+def _both(before: Values, one: Values, other: Values, candidate: Candidate | Shape | Phase | Line) -> dict[str, float]:
+    """Return a drive with the changes of two drives: parameters change by the product of their ratios."""
+
+    def ratio(key: str) -> float:
+        return other[key] / before[key] if before.get(key, 0.0) > 0.0 < other.get(key, 0.0) else 1.0
+
+    takes = dict(candidate.takes) if isinstance(candidate, Candidate) else {}
+    return {**other, **{k: v * ratio(takes.get(k, k)) for k, v in one.items()}}
+
+
+def _free(scored: Scored) -> bool:
+    return isinstance(scored.candidate, Shape | Line)
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +197,7 @@ class Selector:
     known
         Sizes of effects that the base model has already.
     alpha
-        Level of the test.
+        Share of data sets that may get a name of nothing: half for the first round, half for those that follow it.
     seed
         Of the null draws.
     say
@@ -188,11 +205,12 @@ class Selector:
     """
 
     def __init__(self, bench: Bench, topology: Topology, known: Values, alpha: float, seed: int, say: Say) -> None:
-        self.bench, self.topology, self.alpha, self.seed, self.say = bench, topology, alpha, seed, say
+        self.bench, self.topology, self.level, self.seed, self.say = bench, topology, 0.5 * alpha, seed, say
         self.settings = bench.settings
         self.known = dict(known)
         self.base_names = [*topology.free, *self.known]
-        self.candidates = catalogue(topology, self.known)
+        reach = max(float(np.max(np.abs(run.u))) for run in bench.runs)
+        self.candidates = catalogue(topology, self.known, reach or None)
 
     def run(self) -> Selection:
         """Return the selected effects."""
@@ -201,16 +219,18 @@ class Selector:
         phases: tuple[Direction, ...] = ()
         rounds: list[Round] = []
         taken: list[tuple[Scored, Round]] = []
+        whole = base
         while len(rounds) < self.settings.rounds:
             self.say(f"round {len(rounds) + 1}")
-            step = self._round(base, phases, taken, len(rounds))
+            step = self._round(base, whole, phases, taken, len(rounds))
             rounds.append(step)
             base = step.base
-            if not step.accepted or isinstance(step.best.candidate, Shape | Line):
+            if not step.accepted or _free(step.best):
                 break
             taken.append((step.best, step))
             phases = (*phases, *step.best.variability)
             base = step.best.fit or base
+            whole = self._whole(base, step)
         taken, base = self._backward(taken, base, rounds[-1])
         return Selection(tuple(rounds), rounds[0].base, base, tuple(taken), rounds[-1].variability)
 
@@ -224,13 +244,31 @@ class Selector:
         best = sorted(tries, key=lambda f: f.cost)[:2]
         return min((fit(self.bench, noise, f.values, f.names) for f in best), key=lambda f: f.cost)
 
+    def _whole(self, base: Fit, last: Round) -> Fit:
+        """Return the model with whatever else was significant beside what the last round named, as far as it still gains."""
+        model = base
+        for s in [s for s in last.scored[1:] if s.p <= self.level and s.fit is not None and not s.variability][:_MORE]:
+            assert s.fit is not None
+            assert isinstance(s.candidate, Candidate)
+            if any(k in model.values for k in s.candidate.keys):
+                continue
+            names = (*model.names, *s.candidate.keys)
+            starts = (
+                {**model.values, **{k: s.fit.values[k] for k in s.candidate.keys}},
+                _both(last.base.values, model.values, s.fit.values, last.best.candidate),
+            )
+            more = min((fit(self.bench, last.noise, v, names) for v in starts), key=lambda f: f.cost)
+            if more.cost < model.cost - _WORTH * len(s.candidate.keys):
+                model = more
+        return model
+
     def _round(
-        self, base: Fit, phases: tuple[Direction, ...], taken: Sequence[tuple[Scored, Round]], number: int
+        self, base: Fit, whole: Fit, phases: tuple[Direction, ...], taken: Sequence[tuple[Scored, Round]], number: int
     ) -> Round:
         bench, seed = self.bench, [self.seed, number]
         named = {s.name for s, _ in taken}
         candidates = [c for c in self.candidates if c.name not in named]
-        model = base
+        model = whole
         fits: dict[Name, tuple[Candidate, Fit]] = {}
         for turn in range(2):
             # what is noise is told by a model that lacks nothing: first one that has candidates linearly, then the best fit
@@ -239,14 +277,16 @@ class Selector:
             if turn == 0:
                 base = fit(bench, noise, base.values, base.names)
                 linear = self._linear(base, noise, candidates)
-                noise = estimate(bench, base.values, _generous(linear, base.residual), found)
+                if len(whole.names) == len(base.names):
+                    noise = estimate(bench, base.values, _generous(linear, base.residual), found)
             noise, first = first_draws(bench, base.values, noise, found, seed)
             base = fit(bench, noise, base.values, base.names)
             linear = linear.around(base, noise)
             table = evaluate(linear, linear.residual[:, None])
-            jobs = [(c, f.values) for c, f in fits.values()] or self._jobs(
-                base, linear, table, first, candidates, number
-            )
+            jobs = [(c, f.values) for c, f in fits.values()] or [
+                *self._jobs(base, linear, table, first, candidates, number),
+                *((c, _part(c, base, whole)) for c in candidates if all(k in whole.values for k in c.keys)),
+            ]
             fits = self._fits(base, noise, jobs)
             model = min((f for _, f in fits.values()), key=lambda f: f.cost, default=base)
             if model.cost > (1.0 - self.settings.large) * base.cost:
@@ -255,18 +295,18 @@ class Selector:
         if better is not base:
             base, linear = better, linear.around(better, noise)
             table = evaluate(linear, linear.residual[:, None])
-        null, null_rest = null_of(linear, base.values, noise, found, first, table, seed)
-        scored = _scored(base, linear, table, fits, null, null_rest, roughness)
+        null = null_of(linear, base.values, noise, found, first, table, seed)
+        scored = _scored(base, linear, table, fits, null, roughness)
         # whatever may be named is fitted before it is
-        least = 0.5 * max((s.total for s in scored if s.significance <= self.alpha), default=np.inf)
+        least = 0.5 * max((s.total for s in scored if s.p <= self.level), default=np.inf)
         missing = {s.name for s in scored if s.fit is None and s.total >= least > 0.0}
         more = candidate_starts(base, linear, table, [c for c in candidates if c.name in missing], len(missing))
         if missing:
             fits |= self._fits(base, noise, [job for job in more if job[0].name in missing])
-            scored = _scored(base, linear, table, fits, null, null_rest, roughness)
-        significant = [s for s in scored if s.significance <= self.alpha and s.total > 0.0]
+            scored = _scored(base, linear, table, fits, null, roughness)
+        significant = [s for s in scored if s.p <= self.level and s.total > 0.0]
         order = ranked(self._pruned(base, noise, scored, significant), significant)
-        return Round(base, tuple(order), null, null_rest, noise, bool(significant), found)
+        return Round(base, tuple(order), null, noise, bool(significant), found)
 
     def _linear(self, base: Fit, noise: Noise, candidates: Sequence[Candidate]) -> Linear:
         level = max(dry_level(base.values, c) for c in range(self.bench.carts))
@@ -371,13 +411,10 @@ class Selector:
                     values[base] = values.get(base, 0.0) + model.values.get(key, 0.0)
                 without = fit(self.bench, noise, values, names)
                 gain = gains(without.normal, model.normal, self.settings.damping)
-                p = max(
-                    last.null.p_value(scored.name, float(gain.sum())),
-                    last.null_rest.p_value(scored.name, float(trimmed(gain))),
-                )
+                p = last.null.p_value(scored.name, float(trimmed(gain)))
                 if weakest is None or p > weakest[0]:
                     weakest = p, i, without
-            if weakest is None or weakest[0] <= self.alpha:
+            if weakest is None or weakest[0] <= self.level:
                 break
             model = weakest[2]
             del taken[weakest[1]]
@@ -413,7 +450,6 @@ def _scored(
     table: Table,
     fits: Mapping[Name, tuple[Candidate, Fit]],
     null: Null,
-    null_rest: Null,
     roughness: float,
 ) -> list[Scored]:
     """Return every name with its gain: of its fit where there is one, else of its linear change.
@@ -432,19 +468,18 @@ def _scored(
             if isinstance(entry.candidate, Phase) and entry.variance is not None:
                 group, spread = "@".join(name), float(np.sqrt(entry.variance))
                 variability = tuple(Direction(group, spread, linear.columns[:, c].copy()) for c in entry.columns)
-            p = _p(null, null_rest, name, entry.gain, 0.0)
-            scored = Scored(entry.candidate, None, entry.gain, max(len(entry.columns), 2), *p, variability)
+            p = null.p_value(name, float(trimmed(entry.gain)))
+            scored = Scored(entry.candidate, None, entry.gain, max(len(entry.columns), 2), p, variability)
         if name in fits:
             candidate, best = fits[name]
             gain = gains(base.normal, best.normal, linear.bench.settings.damping)
-            if scored is None or not scored.variability or gain.sum() > scored.total:
-                p = _p(null, null_rest, name, gain, roughness)
+            if scored is None or not scored.variability or trimmed(gain) > scored.total:
+                p = null.p_value(name, float(trimmed(gain)) - roughness)
                 if not candidate.takes:
                     # an effect that is there changes the simulation to first order, too: where it is absent, or where it is
-                    near = [_p(null, null_rest, name, _wald(candidate, best), 0.0)]
-                    near += [] if scored is None else [(scored.p, scored.p_rest)]
-                    p = max(p, min(near, key=max), key=max)
-                scored = Scored(candidate, best, gain, len(candidate.keys), *p)
+                    near = null.p_value(name, float(trimmed(_wald(candidate, best))))
+                    p = max(p, near if scored is None else min(near, scored.p))
+                scored = Scored(candidate, best, gain, len(candidate.keys), p)
         assert scored is not None
         found.append(scored)
     return sorted(found, key=lambda s: -s.total)
@@ -463,7 +498,3 @@ def _wald(candidate: Candidate, best: Fit) -> FloatArray:
     full = Normal.of(best.bench.products(white[:, [*range(p), p]]))
     base = Normal.of(best.bench.products(white[:, [*np.flatnonzero(~own), p + 1]]))
     return gains(base, full, damping)
-
-
-def _p(null: Null, null_rest: Null, name: Name, gain: FloatArray, less: float) -> tuple[float, float]:
-    return null.p_value(name, float(gain.sum()) - less), null_rest.p_value(name, float(trimmed(gain)) - less)

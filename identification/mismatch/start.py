@@ -65,7 +65,26 @@ def candidate_starts(
     for candidate in hidden.values():
         usual = replace(candidate, shapes=tuple((k, null_value(k)) for k, _ in candidate.shapes))
         jobs.append((usual, _taking_over(usual, base.values)))
+        bends = compliance(linear.bench, candidate.where)
+        if bends > 0.0:
+            level = max(jobs[-1][1][key] for key, _ in candidate.takes)
+            found_length = tuple(
+                (k, float(np.clip(level * bends, parameter(k).lower, parameter(k).upper))) for k, _ in usual.shapes
+            )
+            seen = replace(candidate, shapes=found_length)
+            jobs.append((seen, _taking_over(seen, base.values)))
     return jobs
+
+
+def compliance(bench: Bench, where: str) -> float:
+    """Return how far a cart moves per unit of the command where it does not break away [mm/V]; 0 where no recording shows it."""
+    cart = int(where[-1]) - 1
+    ratios = [
+        float(np.ptp(run.track[cart]) / np.ptp(run.u))
+        for run in bench.runs
+        if run.positions and cart < len(run.track) and np.ptp(run.u) > 0.0
+    ]
+    return float(np.median(ratios)) if ratios else 0.0
 
 
 def far_starts(bench: Bench, base: Fit, known: Values, candidates: Sequence[Candidate]) -> list[Start]:
@@ -99,7 +118,7 @@ def _taking_over(candidate: Candidate, values: Values) -> dict[str, float]:
     start = {**values, **candidate.start}
     for key, taken in candidate.takes:
         level = values.get(taken, 0.0)
-        start |= {key: max(level, candidate.start[key]), taken: 0.1 * level}
+        start |= {key: max(0.9 * level, candidate.start[key]), taken: 0.1 * level}
     return start
 
 

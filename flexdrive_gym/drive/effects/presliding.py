@@ -77,7 +77,7 @@ EFFECT = Effect(
     equation="F = -fd·ζ/xs,  dζ/dt = v·(1 - sgn(v)·ζ/xs)",
     parameters=(
         Parameter("fd", "V", 0.0, 0.0, 8.0, "level of the bristles", (0.1, 0.3)),
-        Parameter("xs", "mm", 0.3, 0.02, 5.0, "presliding length", (0.05, 0.3, 1.5), role="shape"),
+        Parameter("xs", "mm", 0.3, 0.001, 5.0, "presliding length", (0.05, 0.3, 1.5), role="shape"),
     ),
     hooks={"cart": _cart, "finish": _finish, "begin": _begin},
     memory=1,

@@ -12,6 +12,8 @@ from identification.topology import Topology
 
 # part of every topology, or of the measurement rather than of the rig
 _NO_CANDIDATES = frozenset({"viscous_friction", "spring", "encoder_quantisation", "velocity_processing"})
+# shares of the largest command at which a limit is tried
+_LIMITS = (0.95, 0.85, 0.7, 0.5)
 # base friction that a candidate can take over whole, since a cart held by it would never show the candidate
 _TAKES_OVER = {"presliding": {"fd": "d"}}
 
@@ -68,7 +70,7 @@ def null_value(key: str) -> float:
     return LAYOUT[key].parameter.null
 
 
-def catalogue(topology: Topology, known: Collection[str] = ()) -> list[Candidate]:
+def catalogue(topology: Topology, known: Collection[str] = (), reach: float | None = None) -> list[Candidate]:
     """Return every candidate for a drive.
 
     Parameters
@@ -77,6 +79,8 @@ def catalogue(topology: Topology, known: Collection[str] = ()) -> list[Candidate
         Which places there are, and what every fit moves.
     known
         Parameters the model already has; their effects are no candidates.
+    reach
+        Largest command [V]: a limit shows below it only. ``None``: the usual limits.
     """
     taken = {*known, *topology.free, *topology.fixed}
     found = []
@@ -86,11 +90,11 @@ def catalogue(topology: Topology, known: Collection[str] = ()) -> list[Candidate
         for where in effect.where:
             keys = [effect.key(where, q.name) for q in effect.parameters]
             if topology.offers(where) and not any(key in taken for key in keys):
-                found += _of(effect, where, topology)
+                found += _of(effect, where, topology, reach)
     return found
 
 
-def _of(effect: Effect, where: str, topology: Topology) -> list[Candidate]:
+def _of(effect: Effect, where: str, topology: Topology, reach: float | None) -> list[Candidate]:
     sizes = [q for q in effect.parameters if q.role == "size"]
     shapes = [q for q in effect.parameters if q.role == "shape"]
     if topology.carts == 1:
@@ -98,7 +102,11 @@ def _of(effect: Effect, where: str, topology: Topology) -> list[Candidate]:
     switches = [q for q in shapes if not isfinite(q.null)]
     if switches:
         # absent at infinity: a limit is its own size, and the grid its starts
-        return [Candidate(effect.id, where, ((effect.key(where, q.name), v),)) for q in switches for v in q.starts]
+        return [
+            Candidate(effect.id, where, ((effect.key(where, q.name), v),))
+            for q in switches
+            for v in (q.starts if reach is None else tuple(share * reach for share in _LIMITS))
+        ]
     takes = tuple(
         (effect.key(where, own), f"{base}{where[-1]}") for own, base in _TAKES_OVER.get(effect.id, {}).items()
     )

@@ -3,17 +3,18 @@ r"""A force of one frequency that the command does not make: a fan, a pump, a ma
 It has no name, and a phase in every recording. In the whitened rows of a cart a steady oscillation is a steady
 oscillation, so sine and cosine of every frequency come from one
 Fourier transform. Their amplitudes are random with one variance, as in
-:mod:`identification.mismatch.candidates.phases`; what the
-command makes differs from one experiment to the next and predicts no other.
+:mod:`identification.mismatch.candidates.phases`. A recording has no say at the frequencies that its own command can make there:
+those of the command, of its sign (odd harmonics, as friction makes them) and of its size (even ones).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from flexdrive_gym.recording import FloatArray
+from flexdrive_gym.recording import BoolArray, FloatArray
 from identification.mismatch.bench import Bench
 from identification.mismatch.score import leave_one_out_variance
 
@@ -21,6 +22,8 @@ from identification.mismatch.score import leave_one_out_variance
 _LOWEST, _HIGHEST = 0.7, 25.0
 # points per frequency that a recording resolves
 _FINER = 2
+# share of the largest power of a command, its sign or its size above which a frequency is its own: squares up to the 31st
+_MADE = 1e-3
 # data sets whose transforms are held at a time
 _CHUNK = 40
 
@@ -69,15 +72,18 @@ def lines(bench: Bench, rest: FloatArray) -> list[tuple[Line, FloatArray]]:
     frequency = np.arange(_LOWEST, min(_HIGHEST, 0.4 / step), 1.0 / (_FINER * longest))
     if len(frequency) < 2:
         return []
+    silent = [~made(run.u, run.sample_time, frequency) for run in bench.runs]
     found = []
     for c in range(bench.carts):
-        parts = [_gains(bench, rest[:, i : i + _CHUNK], c, frequency) for i in range(0, rest.shape[1], _CHUNK)]
+        parts = [_gains(bench, rest[:, i : i + _CHUNK], c, frequency, silent) for i in range(0, rest.shape[1], _CHUNK)]
         gain = np.concatenate([g for g, _ in parts], axis=1)
         found.append((Line(f"cart_{c + 1}", float(frequency[parts[0][1]])), gain))
     return found
 
 
-def _gains(bench: Bench, rest: FloatArray, cart: int, frequency: FloatArray) -> tuple[FloatArray, int]:
+def _gains(
+    bench: Bench, rest: FloatArray, cart: int, frequency: FloatArray, silent: Sequence[BoolArray]
+) -> tuple[FloatArray, int]:
     power, count = [], []
     for p in bench.pieces:
         if p.cart == cart:
@@ -85,8 +91,24 @@ def _gains(bench: Bench, rest: FloatArray, cart: int, frequency: FloatArray) -> 
             t = run.block * run.sample_time * np.arange(p.rows.stop - p.rows.start)
             n = len(t)
             turn = np.exp(-2j * np.pi * np.outer(frequency, t))
-            power.append(np.abs(turn @ rest[p.rows]) ** 2)
-            count.append(0.5 * max(float(bench.valid[p.rows].sum()), 1.0) if n else 1.0)
-    gain, _ = leave_one_out_variance(np.array(power), np.array(count)[:, None], bench.units)
+            own = silent[p.recording]
+            power.append(np.abs(turn @ rest[p.rows]) ** 2 * own[:, None])
+            count.append(0.5 * max(float(bench.valid[p.rows].sum()), 1.0) * own if n else own * 1.0)
+    gain, _ = leave_one_out_variance(np.array(power), np.array(count), bench.units)
     best = np.argmax(gain.sum(axis=0), axis=0)
     return np.take_along_axis(gain, best[None, None, :], axis=1)[:, 0], int(best[0])
+
+
+def made(command: FloatArray, sample_time: float, frequency: FloatArray) -> BoolArray:
+    """Return at which frequencies a command itself, or what friction makes of it, has power."""
+    stride = max(1, int(0.4 / (_HIGHEST * sample_time)) // 2)
+    u = command[::stride]
+    t = stride * sample_time * np.arange(len(u))
+    turn = np.exp(-2j * np.pi * np.outer(frequency, t)) * np.hanning(len(u))
+    found = np.zeros(len(frequency), dtype=np.bool_)
+    for part in (u, np.sign(u), np.abs(u)):
+        wave = part - part.mean()
+        everywhere = np.abs(np.fft.rfft(wave * np.hanning(len(u)))) ** 2
+        if np.any(wave):
+            found |= np.abs(turn @ wave) ** 2 > _MADE * everywhere.max()
+    return found
