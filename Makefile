@@ -6,6 +6,7 @@ READY := $(VENV)/.ready
 RECORDINGS ?=
 OUT ?= demo
 RUNS ?= 10000
+ONLY ?=
 
 # on 3.12 and later the pinned PyTorch brings gigabytes of CUDA; only training needs it (docs/install.md)
 EXTRAS ?= $(shell $(PYTHON) -c "import sys; print('all' if sys.version_info < (3, 12) else 'no-torch,dev,docs,notebooks')")
@@ -40,9 +41,9 @@ docs: $(READY)
 notebooks: $(READY)
 	$(BIN)/python -m pytest -m slow tests/docs/test_notebooks.py
 
-# wheel and sdist, tried in a clean environment of every Python from 3.11 to 3.13 found here
+# wheel and sdist, tried in a clean environment of every Python from 3.11 to 3.13 found here; ONLY=3.12 or ONLY=running for one
 package: $(READY)
-	$(BIN)/python .ci/package.py
+	$(BIN)/python .ci/package.py $(if $(ONLY),--only $(ONLY))
 
 # damaged recordings and rig descriptions, seeded; RUNS=100000 for more
 fuzz: $(READY)

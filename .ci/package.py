@@ -1,5 +1,7 @@
 """Builds wheel and sdist, installs them into a clean environment of every Python from 3.11 to 3.13 found here, and tries them.
 
+With ``--only`` into that of one Python; ``--only running`` is the one that runs this.
+
 The wheel is built from the sdist. Neither environment has PyTorch: on Linux its usual wheels bring gigabytes of CUDA, and
 only training needs it. Prints a line for every Python, found or not; fails when one of those found fails.
 """
@@ -61,19 +63,24 @@ def trial(interpreter: str, folder: Path, wheel: Path, sdist: Path) -> str:
 def main() -> None:
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("-o", "--output", type=Path, help="folder that keeps wheel and sdist")
-    options.add_argument("--only", help="one Python, such as 3.12")
+    options.add_argument("--only", help="one Python: 3.11, 3.12, 3.13 or running, the one that runs this")
     asked = options.parse_args()
-    if asked.only and not re.fullmatch(r"3\.(11|12|13)", asked.only):
-        options.error(f"--only: must be 3.11, 3.12 or 3.13; got {asked.only!r}")
-    lines, failed, missing = [], 0, 0
+    if asked.only and not re.fullmatch(r"3\.(11|12|13)|running", asked.only):
+        options.error(f"--only: must be 3.11, 3.12, 3.13 or running; got {asked.only!r}")
+    wanted = MINORS
+    if asked.only:
+        wanted = (sys.version_info.minor if asked.only == "running" else int(asked.only[2:]),)
+    others = [minor for minor in MINORS if minor not in wanted]
+    lines, failed, missing = [f"Python 3.{minor}: not asked for" for minor in others], 0, len(others)
     with tempfile.TemporaryDirectory() as scratch:
         output = asked.output or Path(scratch) / "dist"
         if asked.output and output.is_dir() and any(output.iterdir()):
             options.error(f"--output: must be an empty folder or none; got {output}, which holds files. Remove them.")
         wheel, sdist = build(output)
         print(f"built {wheel.name} and {sdist.name}", flush=True)
-        for minor in [int(asked.only[2:])] if asked.only else MINORS:
-            interpreter, began = python(minor), time.monotonic()
+        for minor in wanted:
+            interpreter = sys.executable if asked.only == "running" else python(minor)
+            began = time.monotonic()
             if interpreter is None:
                 missing += 1
                 lines.append(f"Python 3.{minor}: not found here, nothing tried")

@@ -12,7 +12,8 @@ def each(names: str | Sequence[str], cases: Iterable, ids: Callable | Sequence |
     """Like ``pytest.mark.parametrize``, but one test.
 
     For what the same few lines say of a whole catalogue: a failure names the cases, and every case has its own traceback.
-    Fixtures are shared by the cases, so a test that needs fresh ones is parametrised.
+    Fixtures are shared by the cases, except ``tmp_path``: every case has a folder of its own. A test that needs other fresh ones
+    is parametrised.
     """
     called = [name.strip() for name in names.split(",")] if isinstance(names, str) else list(names)
     named = None if ids is None or callable(ids) else list(ids)
@@ -32,9 +33,13 @@ def each(names: str | Sequence[str], cases: Iterable, ids: Callable | Sequence |
         @wraps(function)
         def test(*args, **fixtures):
             failed = {}
-            for name, values in rows:
+            for i, (name, values) in enumerate(rows):
+                own = {}
+                if "tmp_path" in fixtures:
+                    own["tmp_path"] = fixtures["tmp_path"] / str(i)
+                    own["tmp_path"].mkdir()
                 try:
-                    function(*args, **values, **fixtures)
+                    function(*args, **values, **{**fixtures, **own})
                 except (Exception, pytest.fail.Exception) as error:  # noqa: BLE001  (raised below, all of them)
                     error.add_note(f"case: {name}")
                     failed[name] = error

@@ -34,5 +34,7 @@ def test_one_failure_is_raised_as_it_is():
 
 @each("value", [1, 2])
 def test_fixtures_are_passed_on(value, tmp_path):
-    assert tmp_path.is_dir()
     assert value in (1, 2)
+    # a case finds nothing of another
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "left").touch()

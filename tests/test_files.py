@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from flexdrive_gym.files import only_writer, write_atomically, write_together
+from tests.each import each
 
 
 def test_what_is_written_together_replaces_what_was_there(tmp_path):
@@ -33,7 +34,7 @@ def test_what_is_written_together_replaces_what_was_there(tmp_path):
     assert (folder / "b.json").stat().st_mode == beside.stat().st_mode
 
 
-@pytest.mark.parametrize("there", [True, False])
+@each("there", [True, False])
 def test_what_fails_half_way_leaves_everything_as_it_was(tmp_path, there):
     folder = tmp_path / "out"
     if there:
@@ -64,7 +65,7 @@ def test_a_link_stays_and_what_it_points_to_is_replaced(tmp_path):
     assert (tmp_path / "new.toml").read_text() == "after"
 
 
-@pytest.mark.parametrize("name", ["pipe", "link_to_pipe", "folder", "circle", "file/x.toml"])
+@each("name", ["pipe", "link_to_pipe", "folder", "circle", "file/x.toml"])
 def test_only_regular_files_are_replaced(tmp_path, name):
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "link_to_pipe").symlink_to("pipe")

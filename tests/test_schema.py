@@ -8,6 +8,7 @@ import pytest
 
 from flexdrive_gym.schema import Schema
 from identification import load_diagnosis
+from tests.each import each
 
 # as flexdrive 0.1.0.dev0 wrote it
 OLD = {
@@ -54,7 +55,7 @@ def test_a_diagnosis_of_schema_1_is_read_as_schema_2(tmp_path):
     assert load_diagnosis(again) == found
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "says"),
     [
         ("[", "must be JSON"),

@@ -67,7 +67,7 @@ def test_a_drive_file_is_in_the_rigs_units(tmp_path):
     np.testing.assert_allclose(again.covariance.matrix, covariance.matrix)
 
 
-@pytest.mark.parametrize(("line", "match"), [("per_length = -1.0", "per_length must be a positive number; got -1.0"),
+@each(("line", "match"), [("per_length = -1.0", "per_length must be a positive number; got -1.0"),
                                              ("lenght = 'mm'", "got 'lenght'")])  # fmt: skip
 def test_a_drive_file_with_wrong_units_is_refused(tmp_path, line, match):
     path = save_drive(Drive({"m1": 1e-3}, units=METRES), tmp_path / "drive.toml")

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from baselines.cli._command import positive
 from baselines.cli._output import Json, number, print_json, progress, say, table
 from baselines.cli._results import Force, interrupted_says, require_no_recordings
 
@@ -69,9 +68,8 @@ def experiment(
     square: Annotated[
         list[float] | None,
         typer.Option(
-            min=0.0,
+            min=1e-9,
             max=1e9,
-            callback=positive,
             help="Amplitude of a square [V, or the rig's]; repeatable; default: 1.5 and 2 V, or 60 % and 80 % of what another "
             "rig's recordings reached.",
         ),
@@ -79,9 +77,8 @@ def experiment(
     sine: Annotated[
         float | None,
         typer.Option(
-            min=0.0,
+            min=1e-9,
             max=1e9,
-            callback=positive,
             help="Amplitude of the sines [V, or the rig's]; default: 2.5 V, or what another rig's recordings reached.",
         ),
     ] = None,
@@ -91,7 +88,7 @@ def experiment(
     travel: Annotated[
         float | None,
         typer.Option(
-            callback=positive, help="Stop where a cart is farther from zero [mm, or the rig's]; default: the rig's."
+            min=1e-9, max=1e9, help="Stop where a cart is farther from zero [mm, or the rig's]; default: the rig's."
         ),
     ] = None,
     voltage: Annotated[

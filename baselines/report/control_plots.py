@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -305,20 +305,32 @@ def plot_overview(results: Sequence[Result], named: Sequence[Result]) -> Figure:
             "linestyle": "none",
         }
         for axes, x in ((margin, margins[r.entry.name]), (vibration, r.nominal.vibration)):
-            if np.isfinite(x) and x > 0.0 and np.isfinite(r.nominal.rms):
+            if np.isfinite(x) and np.isfinite(r.nominal.rms):
                 axes.plot(x, r.nominal.rms, **look_of)
         if i is not None:
             vibration.plot([], [], **look_of, label=r.entry.name)
     vibration.plot([], [], "o", color="#b0b0b0", markersize=3.5, label="others")
     vibration.plot([], [], "o", color=COMMAND, markerfacecolor="none", markersize=5, label="hollow: does not settle")
-    margin.set(yscale="log", xscale="log", xlabel="gain margin →", ylabel="rms $x_r - x_2$ [mm]")
-    vibration.set(xscale="log", xlabel="← vibration in the dwells [V mm]")
+    margin.set(xlabel="gain margin →", ylabel="rms $x_r - x_2$ [mm]")
+    vibration.set(xlabel="← vibration in the dwells [V mm]")
+    margin.set_yscale("log")
+    for axes, values in ((margin, margins.values()), (vibration, [r.nominal.vibration for r in results])):
+        axes.set_xscale(**_logarithmic(values))
     for axis in (margin.yaxis, margin.xaxis):
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter("{x:g}")
     margin.tick_params(axis="both", which="minor", labelsize=7)
     figure.legend(loc="outside lower center", ncols=5)
     return figure
+
+
+def _logarithmic(values: Iterable[float]) -> dict[str, Any]:
+    """Return the scale of an axis: logarithmic, linear below the least where something is zero, and linear for nothing else."""
+    shown = [v for v in values if np.isfinite(v)]
+    positive = [v for v in shown if v > 0.0]
+    if not positive:
+        return {"value": "linear"}
+    return {"value": "log"} if len(positive) == len(shown) else {"value": "symlog", "linthresh": min(positive)}
 
 
 def _gain_margin(result: Result) -> float:

@@ -23,6 +23,8 @@ _NUMBER = re.compile(
     r"^(?:[-+−–<]?[\d.]+(?:e[-+]?\d+)?\s*%?(?:\s*(?:±|…)\s*[-−\d.e+]+|\s*\[[^\[\]]*\])?"
     r"|–|none below 10|assumed|below resolution)?$"
 )
+# characters: of a narrow screen, between columns, and of a cell whose text runs over several lines
+_NARROW, _GAP, _WRAPPED = 52, 2, 24
 _INTERVAL = re.compile(r"\[[^\[\]]*\]")
 
 
@@ -45,6 +47,15 @@ class Block:
     files: tuple[tuple[str, str], ...] = ()
     frames: tuple[str, ...] = ()
     parts: tuple[Block, ...] = ()
+
+    @property
+    def wide(self) -> bool:
+        """Whether a table is wider than a narrow screen, where its rows then become cards [characters]."""
+        longest = (
+            max(*map(len, head.split()), 0, *(min(len(row[i]), _WRAPPED) for row in self.rows))
+            for i, head in enumerate(self.columns)
+        )
+        return sum(n + _GAP for n in longest) > _NARROW
 
 
 @dataclass
@@ -114,6 +125,13 @@ def gif_frames(data: bytes) -> tuple[str, ...]:
     return tuple(frames)
 
 
+def _breakable(words: str) -> str:
+    """Return the head of a column as HTML that may break within a controller's name."""
+    from markupsafe import Markup, escape  # noqa: PLC0415  (comes with jinja2)
+
+    return Markup(re.sub(r"([_@])", r"\1<wbr>", str(escape(words))))  # noqa: S704  (escaped)
+
+
 def render(template: str = "report.html.j2", **content: Any) -> str:
     """Return the page as HTML: a template of this package, filled."""
     from jinja2 import Environment, PackageLoader, StrictUndefined  # noqa: PLC0415
@@ -124,4 +142,5 @@ def render(template: str = "report.html.j2", **content: Any) -> str:
         undefined=StrictUndefined,
         trim_blocks=True,
     )
+    environment.filters["breakable"] = _breakable
     return explained(environment.get_template(template).render(**content))

@@ -129,7 +129,7 @@ def test_json_is_one_object(folder, command, arguments):
         assert set(found["quantities"]) == expected
 
 
-@pytest.mark.parametrize(
+@each(
     ("content", "text"),
     [
         ("t_s,u_V,v1_mm_s\n0,1,x\n", "v1"),

@@ -91,7 +91,7 @@ def test_a_wrong_number_is_refused_by_the_name_of_its_option(command, option, ab
         assert isinstance(parsed(command, option, value, place), str)
 
 
-@pytest.mark.parametrize("command", ["compare", "blind"])
+@each("command", ["compare", "blind"])
 def test_no_workers_are_refused(command, place):
     assert "neither a number of workers" in parsed(command, "--jobs", 0, place)
     assert parsed(command, "--jobs", -1, place) == -1

@@ -56,7 +56,7 @@ def test_toml_keeps_everything(tmp_path):
     assert 'unit = "V s²/mm"' in (tmp_path / "drive.toml").read_text()
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "message"),
     [
         ("not toml =", "must be TOML"),
@@ -152,9 +152,7 @@ def test_a_run_that_leaves_all_bounds_is_a_result():
     assert run.n >= 1
 
 
-@pytest.mark.parametrize(
-    ("arguments", "text"), [((np.nan,), "gain: must be a finite"), ((1.0, "x3"), "feedback: must be")]
-)
+@each(("arguments", "text"), [((np.nan,), "gain: must be a finite"), ((1.0, "x3"), "feedback: must be")])
 def test_p_control_checks_what_it_is_given(arguments, text):
     with pytest.raises(ValueError, match=text):
         PControl(*arguments)

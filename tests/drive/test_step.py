@@ -73,7 +73,7 @@ def test_rigid_slide_to_rest_takes_the_analytic_time_and_distance():
     assert x[-1] == pytest.approx(distance, rel=1e-9)
 
 
-@pytest.mark.parametrize("cart", [1, 2])
+@each("cart", [1, 2])
 def test_stick_threshold_is_exact(cart):
     # cart 1 is pushed by u; cart 2 by a spring stretched to d2 while d1 holds cart 1
     if cart == 1:

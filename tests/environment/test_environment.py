@@ -131,7 +131,7 @@ def test_time_limit_truncates_and_leaving_the_travel_terminates():
     assert info["reward_failure"] == -100.0
 
 
-@pytest.mark.parametrize("control_period", [5e-3, 20e-3])
+@each("control_period", [5e-3, 20e-3])
 def test_a_drive_that_runs_away_terminates_with_numbers(control_period):
     # a spring that pushes throws the carts past all numbers within one control period
     env = gymnasium.make(NON_COLLOCATED, effects={"hardening_spring.k3": -1e-2}, control_period=control_period)

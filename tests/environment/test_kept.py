@@ -60,7 +60,7 @@ def test_observations(route, num_envs):
     assert [bits(x) for x in kept] == then
 
 
-@pytest.mark.parametrize("num_envs", [3, 300])
+@each("num_envs", [3, 300])
 def test_rewards_and_flags_of_a_batch(num_envs):
     env = gymnasium.make_vec(ID, num_envs=num_envs, vectorization_mode="vector_entry_point", duration=0.1)
     env.reset(seed=0)

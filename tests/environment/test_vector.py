@@ -99,7 +99,7 @@ def test_bit_equal_to_the_single_environment(name, n):
     assert np.array_equal(np.swapaxes(np.array(found), 0, 1), singles(n, actions, 11, **arguments))
 
 
-@pytest.mark.parametrize("arguments", [RANDOM, {"effects": {"input_delay.tau": 0.0033}}])
+@each("arguments", [RANDOM, {"effects": {"input_delay.tau": 0.0033}}])
 def test_a_drive_does_not_notice_its_neighbours(arguments):
     # drives with an event are moved together, of a group of strips at a time: here one group and a bit
     first = GROUP * LANES - 5
@@ -256,7 +256,7 @@ def test_drives_start_where_they_are_told():
         env.reset(options={"reset_maks": np.ones(3, bool)})
 
 
-@pytest.mark.parametrize("mode", ["next_step", "same_step"])
+@each("mode", ["next_step", "same_step"])
 def test_drawn_parameters_are_told_when_an_episode_begins(mode):
     env = batched(3, autoreset_mode=mode, randomise={"m1": (6e-4, 9e-4), "d1": (0.2, 0.5)}, duration=0.01)
     first = env.reset(seed=0)[1]["parameters"]
@@ -316,7 +316,7 @@ def test_spaces_and_batches_match():
     assert env.action_space.shape == (5, 1)
 
 
-@pytest.mark.parametrize("arguments", [{}, RANDOM])
+@each("arguments", [{}, RANDOM])
 def test_threads_change_nothing(arguments):
     n = 2 * LEAST_PER_THREAD + 100
     envs = [batched(n, threads=threads, duration=0.1, **arguments) for threads in (1, 2)]

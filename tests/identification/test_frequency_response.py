@@ -117,7 +117,7 @@ def test_filtered_derivative_is_corrected_too():
     assert row.cart1.phase_deg == pytest.approx(np.rad2deg(np.angle(exact[0])), abs=0.3)
 
 
-@pytest.mark.parametrize("use_model", [False, True])
+@each("use_model", [False, True])
 def test_phase_of_cart_2_goes_down_to_minus_270_without_jumps(use_model):
     drive = Drive(LINEAR)
     runs = [sine(drive, frequency) for frequency in reversed(FREQUENCIES)]

@@ -123,7 +123,7 @@ def test_spring_damping_is_found_when_asked_for():
     assert found.drive["C"] == pytest.approx(8e-4, rel=0.3)
 
 
-@pytest.mark.parametrize("ties", [None, {"alpha": HANDOUT_RATIOS["alpha"]}])
+@each("ties", [None, {"alpha": HANDOUT_RATIOS["alpha"]}])
 def test_a_sensor_without_sign_leaves_a_drive_within_its_bounds(day, ties):
     # no drive moves so: the fit runs to a bound and says so, for a diagnosis must start from something
     found = identify_by_likelihood([replace(r, v2=np.abs(r.v2)) for r in day], ties=ties)

@@ -14,6 +14,7 @@ from baselines.blind_study.judge import judge
 from baselines.blind_study.plan import Trial, plan
 from baselines.cli import app
 from tests.baselines.blind_study.outcomes import outcome
+from tests.each import each
 
 
 @pytest.fixture
@@ -49,7 +50,7 @@ def test_another_study_is_not_mixed_in(quick, tmp_path):
         study.conduct_study(tmp_path, 2, seed=1, backend="sequential")
 
 
-@pytest.mark.parametrize("scheduler", [[], ["--scheduler", "nowhere://1"]])
+@each("scheduler", [[], ["--scheduler", "nowhere://1"]])
 def test_a_refused_backend_writes_nothing(scheduler, tmp_path):
     result = CliRunner().invoke(app, ["blind", "--backend", "dask", *scheduler, "-o", str(tmp_path / "out")])
     assert isinstance(result.exception, ValueError)
@@ -147,7 +148,7 @@ def test_a_study_is_told_from_its_packed_outcomes(quick, tmp_path):
     assert (tmp_path / "packed" / study.PACKED).read_bytes() == first
 
 
-@pytest.mark.parametrize(
+@each(
     ("files", "message"),
     [
         ({"study.json": "{"}, r"study\.json cannot be read"),

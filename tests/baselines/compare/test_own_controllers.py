@@ -12,6 +12,7 @@ from baselines.compare import cases_of, compare, entries, is_own, load_linear, l
 from baselines.compare.tables import doing, loop_words, side_by_side
 from baselines.report.comparison_pages import write_side_by_side
 from flexdrive_gym import DEFAULT_DRIVE, LinearController, PControl, save_drive
+from tests.each import each
 
 CODE = """
 from dataclasses import dataclass
@@ -50,7 +51,7 @@ def folder(tmp_path):
     return tmp_path
 
 
-@pytest.mark.parametrize("name", ["Mine", "Knows", "plain", "made", "ready"])
+@each("name", ["Mine", "Knows", "plain", "made", "ready"])
 def test_code_of_ones_own_competes(folder, name):
     entry = load_own(f"{folder}/own.py:{name}", DEFAULT_DRIVE)
     assert entry.name == name
@@ -75,7 +76,7 @@ def test_code_of_ones_own_travels_to_other_processes(folder):
     assert pickle.loads(data).reads == "x2"
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "error", "text"),
     [
         ("own.py:Min", ValueError, "has nothing called 'Min'. Did you mean 'Mine'"),
@@ -107,7 +108,7 @@ def test_data_is_a_linear_controller_and_runs_nothing(folder):
     assert not is_own("lab4")
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "said"),
     [
         ("sample_time = 0.001", "must have one table, \\[tf\\] or \\[ss\\]"),

@@ -31,7 +31,7 @@ def test_in_the_environment_a_controller_does_what_it_does_on_the_rig(name):
     assert np.max(np.abs(inside.u - rig.u)) < 0.5
 
 
-@pytest.mark.parametrize("normalise", [False, True])
+@each("normalise", [False, True])
 def test_on_the_rig_a_policy_sees_what_it_sees_in_its_environment(normalise):
     env = make(normalise=normalise)
     weights = np.array([0.1, -0.02, 0.9, 0.1, 0.1, 0.05, 0.0, 0.0], dtype=np.float32) * (20.0 if normalise else 0.05)

@@ -10,6 +10,7 @@ from flexdrive_gym import DEFAULT_DRIVE, LinearController
 from flexdrive_gym.references import handout_trajectory
 from flexdrive_gym.task import Task
 from tests.called import Called
+from tests.each import each
 
 T = np.arange(1200) * 1e-3
 XR = handout_trajectory(T)
@@ -73,7 +74,7 @@ def test_scaled_and_late_commands_are_the_same_in_a_batch_and_one_by_one():
     assert np.max(np.abs(together - one_by_one)) < 1e-9
 
 
-@pytest.mark.parametrize("name", ["p_x2", "lab4"])
+@each("name", ["p_x2", "lab4"])
 def test_a_linear_controller_does_the_same_when_it_is_called(name):
     controller = design(name, DEFAULT_DRIVE).controller
     compiled = run_many(controller, DRIVES, XR, gains=0.8, late=3)

@@ -10,6 +10,7 @@ from baselines.export import arithmetic, export_agent, export_linear, verify_con
 from baselines.rl.agents import Agent, agent_names, find_agent
 from flexdrive_gym import DEFAULT_DRIVE, Drive, LinearController
 from flexdrive_gym.units import Units
+from tests.each import each
 
 COMPILER = pytest.mark.skipif(not (shutil.which("cc") or shutil.which("gcc")), reason="no C compiler on this machine")
 OCTAVE = pytest.mark.skipif(
@@ -41,7 +42,7 @@ def test_every_family_in_c(name):
     same_bits(design(name, DEFAULT_DRIVE).controller, DEFAULT_DRIVE, "c")
 
 
-@pytest.mark.parametrize("to", TOOLS)
+@each("to", TOOLS)
 def test_friction_compensation_and_shaper(to):
     # order 1, friction, a shaper that remembers, an own limit: all that the law has
     law = LinearController(
@@ -51,20 +52,20 @@ def test_friction_compensation_and_shaper(to):
     same_bits(law, DEFAULT_DRIVE, to)
 
 
-@pytest.mark.parametrize("to", TOOLS)
+@each("to", TOOLS)
 def test_a_rig_in_its_own_units(to):
     text = same_bits(design("lqg", ROTARY).controller, ROTARY, to).text
     assert "xr, x1, x2 in rad, u in N m" in text
 
 
-@pytest.mark.parametrize("to", TOOLS)
-@pytest.mark.parametrize("name", ["x1-0", "x2-0"])
+@each("to", TOOLS)
+@each("name", ["x1-0", "x2-0"])
 def test_an_agent(name, to):
     assert name in agent_names()
     same_bits(find_agent(name), DEFAULT_DRIVE, to)
 
 
-@pytest.mark.parametrize("to", TOOLS)
+@each("to", TOOLS)
 def test_another_network(to):
     rng = np.random.default_rng(3)
     # both encoders: x1, v1, x2, v2, error, xr, last u and one value ahead
@@ -78,7 +79,7 @@ def test_the_tangent_is_the_librarys_to_some_last_bits():
     assert np.max(np.abs(arithmetic.tanh(x) - exact) / np.spacing(np.maximum(np.abs(np.tanh(x)), 1e-307))) < 4.0
 
 
-@pytest.mark.parametrize("name", agent_names())
+@each("name", agent_names())
 def test_the_written_out_network_acts_as_the_agent(name):
     agent = find_agent(name)
     seen = (

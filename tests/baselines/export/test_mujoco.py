@@ -8,6 +8,7 @@ from baselines.export import export_mujoco, verify_mujoco
 from flexdrive_gym import DEFAULT_DRIVE, Drive
 from flexdrive_gym.units import Units
 from tests.drive.drives import RIG
+from tests.each import each
 
 LIMITED = {**RIG, "saturation.limit": 8.0}
 HELD = {
@@ -22,7 +23,7 @@ HELD = {
 }
 
 
-@pytest.mark.parametrize("values", [{}, *HELD.values()], ids=["base", *HELD])
+@each("values", [{}, *HELD.values()], ids=["base", *HELD])
 def test_what_mujoco_holds_moves_as_ours(values):
     pytest.importorskip("mujoco", reason="mujoco is not installed: pip install 'flexdrive[mujoco]'")
     drive = Drive({**LIMITED, **values})
@@ -36,7 +37,7 @@ def test_what_mujoco_holds_moves_as_ours(values):
             assert d.relative < 5e-3, d
 
 
-@pytest.mark.parametrize("units", [Units("rad", "N m", 123.0, 7.0), Units("mm", "V", 1.0, 1.0, 2.0)])
+@each("units", [Units("rad", "N m", 123.0, 7.0), Units("mm", "V", 1.0, 1.0, 2.0)])
 def test_other_units_are_the_same_rig(units):
     pytest.importorskip("mujoco", reason="mujoco is not installed: pip install 'flexdrive[mujoco]'")
     drive = Drive({**LIMITED, "hardening_spring.k3": 4e-5}, units=units)

@@ -11,6 +11,7 @@ from flexdrive_gym import Drive
 from flexdrive_gym.drive.effects import EFFECTS
 from flexdrive_gym.units import Units
 from tests.drive.drives import RIG
+from tests.each import each
 
 pytestmark = pytest.mark.skipif(
     not (shutil.which("octave-cli") or shutil.which("octave")),
@@ -74,7 +75,7 @@ def test_every_effect_gives_the_same_numbers(tmp_path):
             assert np.max(np.abs(y[:, i] - ours)) <= TOLERANCE * np.max(np.abs(ours)), name
 
 
-@pytest.mark.parametrize("carts", [1, 2])
+@each("carts", [1, 2])
 def test_the_linear_model(tmp_path, carts):
     one = {"m1": 1.1e-3, "b1": 0.0128, "d1": 0.6}
     drive = Drive({**RIG, "C": 2e-4} if carts == 2 else one)

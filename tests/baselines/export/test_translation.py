@@ -13,6 +13,7 @@ from flexdrive_gym.drive.drive import Provenance
 from flexdrive_gym.drive.effects import EFFECTS
 from flexdrive_gym.drive.step import step
 from flexdrive_gym.units import Units
+from tests.each import each
 
 EVERYWHERE = [(e.id, where) for e in EFFECTS if not e.base for where in e.where]
 # from the libraries of both
@@ -26,7 +27,7 @@ def translated(*which):
     return Translator(which).translate(first_sample, one_sample, step=step)
 
 
-@pytest.mark.parametrize(
+@each(
     "which",
     [*[(w,) for w in EVERYWHERE], tuple(EVERYWHERE), ()],
     ids=lambda w: ".".join(*w) if len(w) == 1 else str(len(w)),
@@ -78,9 +79,7 @@ def test_what_cannot_be_translated_is_named():
         Translator(()).translate(strange)
 
 
-@pytest.mark.parametrize(
-    ("name", "better"), [("2-5 rig.m", "rig_2_5_rig.m"), ("end.m", "rig_end.m"), ("µ.m", "rig_.m")]
-)
+@each(("name", "better"), [("2-5 rig.m", "rig_2_5_rig.m"), ("end.m", "rig_end.m"), ("µ.m", "rig_.m")])
 def test_a_file_whose_name_is_no_function_is_refused(tmp_path, name, better):
     with pytest.raises(ValueError, match=f"-o .*{re.escape(better)}"):
         function_name(tmp_path / name)

@@ -16,6 +16,7 @@ from flexdrive_gym import DEFAULT_DRIVE, Drive, load_drive, save_drive
 from flexdrive_gym.drive.drive import Recorded
 from flexdrive_gym.references import STROKE_MM
 from flexdrive_gym.units import Units, in_rig_units
+from tests.each import each
 
 # of the handout's rig: what 1 rad and 1 N m, or one count and one unit of the converter, would be
 RADIANS = Units("rad", "N m", per_length=1000.0, per_command=100.0)
@@ -38,7 +39,7 @@ def files(tmp_path_factory):
     return {u.length: save_drive(described(u), folder / f"{u.length}.toml") for u in (RADIANS, COUNTS)}
 
 
-@pytest.mark.parametrize("units", [RADIANS, COUNTS])
+@each("units", [RADIANS, COUNTS])
 def test_the_task_follows_from_what_was_recorded(units):
     """The largest recorded command is the lab's excitation; half of the top speed cruises: 180 / 2 / 100 of 50 mm."""
     rig = on_lab_scale(described(units))

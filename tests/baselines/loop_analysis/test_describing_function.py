@@ -9,11 +9,12 @@ from baselines.loop_analysis.describing_function import analytic_response, predi
 from baselines.loop_analysis.margins import margins
 from flexdrive_gym import DEFAULT_DRIVE
 from flexdrive_gym.task import Task
+from tests.each import each
 
 SOME = (0.5, 1.0, 2.5, 3.0, 4.0, 8.0, 16.0)
 
 
-@pytest.mark.parametrize("period", [1e-3, 5e-3])
+@each("period", [1e-3, 5e-3])
 def test_lab_4_answers_as_its_transfer_function_says(period):
     lab4 = design("lab4", DEFAULT_DRIVE, sample_time=period).controller
     # small enough for the leads not to meet the command's limit at 16 Hz

@@ -8,6 +8,7 @@ from baselines.lab.stability_study import study_stability
 from baselines.loop_analysis.limit_cycle import limit_cycle, limit_cycle_curve, simulated_limit
 from flexdrive_gym import Drive
 from tests.drive.drives import FRICTIONLESS, RIG
+from tests.each import each
 
 UNIT = proportional(1.0)
 RIG_DRIVE = Drive({**RIG, "saturation.limit": 8.0})
@@ -27,7 +28,7 @@ def test_large_vibrations_feel_no_friction_small_ones_much():
     assert factors[-1] == pytest.approx(Drive(RIG).linear.routh_critical_gain(), rel=0.02)
 
 
-@pytest.mark.parametrize("amplitude", [12.0, 20.0, 32.0])
+@each("amplitude", [12.0, 20.0, 32.0])
 def test_simulation_confirms_harmonic_balance(amplitude):
     start = limit_cycle(RIG_DRIVE, UNIT, amplitude, limit=8.0)
     assert simulated_limit(RIG_DRIVE, UNIT, start) == pytest.approx(start.factor, rel=0.025)

@@ -97,7 +97,7 @@ def test_an_oscillator_shows_its_cubic_spring(tmp_path):
     assert k3["unit"] == "V/V³"
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "write", "where", "sample_time"),
     [
         ("silverbox", write_oscillator, "encoder_1", 3.0 * 2.0**14 / 1e7),

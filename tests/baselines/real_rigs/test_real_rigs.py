@@ -13,6 +13,7 @@ from baselines.report.rigs_page import build_rigs_page, sentences
 from flexdrive_gym.drive.effects import EFFECTS
 from flexdrive_gym.drive.parameters import parameter
 from identification.recordings.rig import Rig, parse_rig
+from tests.each import each
 
 PLACES = {(e.id, where) for e in EFFECTS for where in e.where}
 
@@ -30,7 +31,7 @@ def test_the_rigs_of_the_issue_are_there():
     assert sum(len(rig.concealed) for rig in RIGS.values()) >= 9
 
 
-@pytest.mark.parametrize("rig", RIGS.values(), ids=lambda rig: rig.name)
+@each("rig", RIGS.values(), ids=lambda rig: rig.name)
 def test_an_entry_is_consistent(rig):
     described = rig.rig if isinstance(rig.rig, Rig) else parse_rig(rig.rig)
     assert not described.known
@@ -117,7 +118,7 @@ def test_the_page_says_the_result_first(examined, tmp_path):
     assert "no folder" in page
 
 
-@pytest.mark.parametrize("name", ["ecp210_2025", "lugre_servo", "quanser_2dsfl", "hsm150"])
+@each("name", ["ecp210_2025", "lugre_servo", "quanser_2dsfl", "hsm150"])
 def test_real_files_are_read(name, shared_recordings):
     rig = replace(RIGS[name], only=RIGS[name].only or ("*1*",))
     runs = rig.read(shared_recordings)

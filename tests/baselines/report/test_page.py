@@ -15,6 +15,7 @@ from baselines.report.page import Section, render
 from baselines.report.words import by_number
 from flexdrive_gym import Fault
 from identification.plots.style import FAULTS, SATURATION, shade_faults
+from tests.each import each
 
 
 def page(*sections):
@@ -80,7 +81,7 @@ def test_names_are_sorted_by_their_numbers():
     assert sorted(names, key=by_number) == ["sine_2.5V_0.5Hz", "sine_2.5V_2.0Hz", "sine_2.5V_12.0Hz", "square_1.5V"]
 
 
-@pytest.mark.parametrize(("kind", "colour"), [("saturation", SATURATION), ("encoder_dropout", FAULTS[0])])
+@each(("kind", "colour"), [("saturation", SATURATION), ("encoder_dropout", FAULTS[0])])
 def test_a_command_at_its_limit_has_a_colour_of_its_own(kind, colour):
     class Run:
         t = np.arange(10.0)

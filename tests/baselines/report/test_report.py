@@ -22,11 +22,16 @@ def page(recordings):
     return build_report(recordings, title="Test report")
 
 
+def plain(page):
+    """Return a page with cells that carry nothing but their text."""
+    return re.sub(r"<td [^>]*>", "<td>", page)
+
+
 def test_every_part_of_the_handouts_report_is_there(page):
     for anchor in ("faults", "p-control", "steps", "sines", "identification", "time", "frequency", "stability"):
         assert f'id="{anchor}"' in page
     for symbol in ("bT", "b1", "b2", "dT", "d1", "d2", "p", "mT", "m1", "m2", "ωd", "k", "ζ", "ωn", "C"):
-        assert re.search(rf"<td>{symbol}</td>", page), symbol
+        assert f"<td>{symbol}</td>" in plain(page), symbol
     assert page.count('src="data:image/png;base64,') >= 14
     assert "Phase ∠(v2/u) [deg]" in page
 
@@ -43,8 +48,8 @@ def test_discussions_are_answered_with_numbers(page):
 
 def test_faults_of_the_sample_are_listed(page):
     # the two frozen encoders that the sample's maker put in
-    assert re.search(r"sine_2\.5V_1\.0Hz</td><td>encoder 1</td><td>encoder dropout", page)
-    assert re.search(r"square_2\.0V_0\.5Hz_a</td><td>encoder 1</td><td>encoder dropout", page)
+    for name in ("sine_2.5V_1.0Hz", "square_2.0V_0.5Hz_a"):
+        assert f"<td>{name}</td><td>encoder 1</td><td>encoder dropout" in plain(page)
 
 
 def test_report_without_p_control_simulates_it(recordings):

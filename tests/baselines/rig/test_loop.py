@@ -8,6 +8,7 @@ from baselines.rig import Description, Limits, Reading, RigBench, RigStopped, Si
 from flexdrive_gym import Drive, Observation, PControl
 from tests.baselines.rig.peers import DRIVE
 from tests.drive.drives import RIG
+from tests.each import each
 
 LIMITS = Limits(travel=200.0, voltage=5.0, resting=0.05, late=0.01, watchdog=0.1)
 
@@ -64,7 +65,7 @@ def lost(k):
         raise RigStopped("lost peer", "nothing came.")
 
 
-@pytest.mark.parametrize(
+@each(
     ("rig", "controller", "reason"),
     [
         (Scripted(wait=lambda k: 0.05 * (k == 60)), lambda _o: 1.0, "late sample"),
@@ -139,7 +140,7 @@ def test_a_late_controller_is_found_out():
     assert rig.told == ["start", *[1.0] * 11, "stop"]
 
 
-@pytest.mark.parametrize("gain", [0.05, 0.3])
+@each("gain", [0.05, 0.3])
 def test_the_simulated_rig_is_the_compiled_loop_bit_by_bit(gain):
     drive = DRIVE.replace({"input_delay.tau": 0.0015, "velocity_processing.encoder_1.cutoff": 40.0})
     one, other = RigBench(SimulatedRig(drive)), DriveBench(drive)
@@ -175,7 +176,7 @@ def test_an_excitation_beyond_the_limit_is_refused_before_anything_moves():
     assert rig.told == []
 
 
-@pytest.mark.parametrize("name", ["travel", "voltage", "late", "watchdog", "resting"])
+@each("name", ["travel", "voltage", "late", "watchdog", "resting"])
 def test_limits_are_positive(name):
     with pytest.raises(ValueError, match=f"{name}: must be a positive number; got 0"):
         Limits(**{name: 0.0})

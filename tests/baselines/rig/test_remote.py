@@ -19,6 +19,7 @@ from flexdrive_gym import PControl, save_drive
 from flexdrive_gym.references import square
 from identification import read_recordings
 from tests.baselines.rig.peers import DRIVE, PATIENT, connected, served
+from tests.each import each
 
 T = 1e-3 * np.arange(1001)
 U = square(T, 1.5, 2.0)
@@ -179,7 +180,7 @@ def test_a_rig_of_another_version_is_named():
         thread.join()
 
 
-@pytest.mark.parametrize(
+@each(
     ("address", "text"),
     [
         ("simulated", "drive: a simulated rig needs a drive"),

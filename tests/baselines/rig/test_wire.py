@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from baselines.rig.protocol import Description, Limits
 from baselines.rig.wire import SIZES, Frame, Kind, Scanner, described, description
+from tests.each import each
 
 READING = Frame(Kind.READING, 7, 7000, (-1234, 5678, 1.5, 90))
 
@@ -48,7 +49,7 @@ def test_frames_are_found_in_a_stream_cut_anywhere(noise, cuts):
     assert found[-3:] == 3 * [READING]
 
 
-@pytest.mark.parametrize("place", range(SIZES[Kind.READING]))
+@each("place", range(SIZES[Kind.READING]))
 def test_no_damaged_byte_passes(place):
     data = bytearray(READING.pack())
     data[place] ^= 0x10

@@ -87,7 +87,7 @@ def test_without_friction_energy_stays_and_the_frequency_is_the_springs():
     assert x1 - x2 == pytest.approx(10.0 * np.cos(omega * T), abs=0.02)
 
 
-@pytest.mark.parametrize("contact", [{}, {"bristle1": 0.5}], ids=["rigid", "bristles"])
+@each("contact", [{}, {"bristle1": 0.5}], ids=["rigid", "bristles"])
 def test_one_sided_dry_friction_is_there_with_either_contact(contact):
     values = {**VALUES, **contact, "d_skew1": 0.4}
     fast, slow = (run(values, quiet(len(T)), np.full(len(T), side * 2.0)).states[1][-1] for side in (-1.0, 1.0))

@@ -109,7 +109,7 @@ def rewritten(path, about=None, drop=(), **arrays):
     return path
 
 
-@pytest.mark.parametrize(
+@each(
     ("changes", "text"),
     [
         ({"drop": ("b1",)}, "b1: must be an array of real numbers; got nothing"),
@@ -133,7 +133,7 @@ def test_odd_files_are_refused(tmp_path, changes, text):
         load_agent(rewritten(tmp_path / "odd.npz", **changes))
 
 
-@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 no archive", b"\x80\x04N.", None])
+@each("content", [b"", b"PK\x03\x04 no archive", b"\x80\x04N.", None])
 def test_what_is_no_archive_is_refused_and_no_pickle_is_run(tmp_path, content):
     path = tmp_path / "odd.npz"
     whole = save_agent(some_agent(), path).read_bytes()

@@ -24,6 +24,7 @@ from baselines.rl.training import Plan, task_arguments, train, training_drives
 from baselines.rl.vec_env import FlexDriveVecEnv
 from flexdrive_gym import DEFAULT_DRIVE, Covariance, Drive
 from flexdrive_gym.task import Task
+from tests.each import each
 
 # five rollouts of eight drives
 SMALL = Plan(steps=5 * 32 * 8, envs=8, history=2)
@@ -188,7 +189,7 @@ def test_odd_checkpoints_are_refused_and_nothing_is_run(tmp_path, capsys, conten
     assert capsys.readouterr().out == ""
 
 
-@pytest.mark.parametrize(
+@each(
     ("changes", "text"),
     [({"feedback": "x3"}, "feedback: must be x1 or x2"), ({"steps": 0}, "steps: must be a whole number of at least 1")],
 )

@@ -20,6 +20,7 @@ from baselines.term.summary import summarise
 from flexdrive_gym import load_drive
 from tests.baselines.term.lab import day, hand_in, term
 from tests.drive.drives import RIG
+from tests.each import each
 from tests.identification.mismatch.lab import diagnosis
 
 QUICK = ["--no-diagnose", "--draws", "0", "--backend", "sequential"]
@@ -142,7 +143,7 @@ def test_a_plan_is_what_was_measured_times_what_is_planned(made):
         measured([{"status": "skipped"}])
 
 
-@pytest.mark.parametrize("scheduler", [[], ["--scheduler", "nowhere://1"]])
+@each("scheduler", [[], ["--scheduler", "nowhere://1"]])
 def test_a_refused_backend_writes_nothing(scheduler, tmp_path):
     hand_in(tmp_path / "in" / "g", day(1)[:1])
     result = flexdrive(tmp_path / "in", "--backend", "dask", *scheduler, "-o", tmp_path / "out")

@@ -9,6 +9,7 @@ import pytest
 
 from baselines.term import unpack as module
 from baselines.term.unpack import Budget, HandInError, unpack
+from tests.each import each
 
 
 def archive(path: Path, entries) -> Path:
@@ -26,7 +27,7 @@ def inside(entries) -> bytes:
     return stream.getvalue()
 
 
-@pytest.mark.parametrize("name", ["../out.csv", "a/../../out.csv", "/tmp/out.csv", "..\\out.csv", "C:\\out.csv"])
+@each("name", ["../out.csv", "a/../../out.csv", "/tmp/out.csv", "..\\out.csv", "C:\\out.csv"])
 def test_an_entry_that_leaves_the_folder_refuses_the_whole_archive(tmp_path, name):
     made = archive(tmp_path / "a.zip", [("good.csv", "1"), (name, "2")])
     with pytest.raises(HandInError, match="must stay within the archive's folder; got"):

@@ -70,7 +70,7 @@ def with_track(values, u, h=1e-3, start=(0.0, 0.0, 0.0, 0.0), physics_step=1e-3)
     return out
 
 
-@pytest.mark.parametrize("strong", [True, False])
+@each("strong", [True, False])
 def test_agrees_with_event_driven_integration_of_three_masses(strong):
     t = instants(0.8)
     # strong: never at rest for long; weak: cart 2 sticks and tears loose, which the track's own acceleration decides too
@@ -120,7 +120,7 @@ def test_momentum_leaves_through_the_tracks_feet_only():
     assert np.abs(momentum - impulse).max() < 2e-3 * np.ptp(momentum)
 
 
-@pytest.mark.parametrize("friction", [True, False])
+@each("friction", [True, False])
 def test_energy_in_the_room_never_grows_and_stays_without_friction(friction):
     base = RIG if friction else {**FRICTIONLESS, "b1": 0.0, "b2": 0.0}
     values = {**base, **TRACK, "base_recoil.zeta": 0.02 if friction else 0.0}

@@ -38,7 +38,7 @@ def test_load_friction_holds_a_cart_against_a_stronger_spring():
         assert np.any(v2 > 0.0) == moves
 
 
-@pytest.mark.parametrize(("v", "level"), [(5.0, 0.6 + 0.2 * np.exp(-(5.0**2) / 30.0**2)), (300.0, 0.6)])
+@each(("v", "level"), [(5.0, 0.6 + 0.2 * np.exp(-(5.0**2) / 30.0**2)), (300.0, 0.6)])
 def test_stribeck_level_while_sliding(v, level):
     values = {**RIGID, "stribeck.cart_1.extra": 0.2, "stribeck.cart_1.vs": 30.0}
     h = 1e-6
@@ -79,7 +79,7 @@ def test_a_sum_of_gain_offset_and_dead_zone_in_the_documented_order():
     assert drifting[-1] == pytest.approx(later[-1] - 3.0 * 0.01 * (3.0 - 1.1e-3 / 0.0127) / 0.0127, rel=1e-4)
 
 
-@pytest.mark.parametrize("softness", [0.1, 0.75])
+@each("softness", [0.1, 0.75])
 def test_soft_limit_passes_small_commands_and_ends_at_the_limit(softness):
     values = {**RIGID, "saturation.limit": 2.0, "saturation.softness": softness}
 
@@ -128,7 +128,7 @@ def test_coils_touch_beyond_their_deflection(delta, force):
     assert v2 / 1e-6 * RIG["m2"] == pytest.approx(force, rel=1e-5)
 
 
-@pytest.mark.parametrize("frequency", [0.5, 2.0])
+@each("frequency", [0.5, 2.0])
 def test_hysteresis_loses_the_same_at_every_speed(frequency):
     # cart 2 is too heavy to move, cart 1 is shaken; the loop's area is level·(4A - 5xs)
     level, xs = 0.2, 0.5
@@ -159,7 +159,7 @@ def test_presliding_is_a_spring_for_small_forces():
     assert states(values, np.full(12001, 0.4))[1, -1] == pytest.approx((0.4 - fd) / 0.1, rel=1e-6)
 
 
-@pytest.mark.parametrize("xs", [0.02, 0.3])
+@each("xs", [0.02, 0.3])
 def test_presliding_is_stable_at_any_speed(xs):
     values = {**RIG, "presliding.cart_1.fd": 0.3, "presliding.cart_1.xs": xs, "d1": 0.0}
     u = 4.0 * np.where(instants(2.0) % 0.5 < 0.25, 1.0, -1.0)

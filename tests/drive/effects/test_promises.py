@@ -70,7 +70,7 @@ def test_springs_and_potentials_keep_energy(name):
     assert np.ptp(total) < tolerance * np.ptp(potential(x1, x2, x1 - x2))
 
 
-@pytest.mark.parametrize(
+@each(
     ("values", "stored"),
     [
         ({"presliding.cart_1.fd": 0.3, "presliding.cart_1.xs": 0.5}, 0.3 * 0.5 / 2),
@@ -86,7 +86,7 @@ def test_bristles_give_back_no_more_than_they_store(values, stored):
     assert e[-1] < 0.5 * e[0]
 
 
-@pytest.mark.parametrize("zeta", [0.0, 0.1])
+@each("zeta", [0.0, 0.1])
 def test_appendages_never_add_energy(zeta):
     rig = {**FRICTIONLESS, "b1": 0.0, "b2": 0.0}
     own = {"extra_mode.mass_1": 8e-5, "extra_mode.mass_2": 4e-5, "extra_mode.zeta": zeta, "extra_mode.frequency": 12.0}

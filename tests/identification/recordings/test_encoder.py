@@ -81,7 +81,7 @@ def test_a_drive_that_is_switched_off_is_no_freeze():
     assert [f for f in faults(found) if f[0] == "encoder_1"] == []
 
 
-@pytest.mark.parametrize("gap", [0.3, 0.6])
+@each("gap", [0.3, 0.6])
 def test_play_that_holds_the_reading_at_reversals_is_no_fault(gap):
     t, u, x1, x2 = open_loop("sine", 2.5, 2.5)
     kwargs = {"quantum": (COUNT, COUNT), "excitation": recognise_excitation(t, u)}
@@ -185,7 +185,7 @@ def catch_up(x, first, last):
     return hung
 
 
-@pytest.mark.parametrize("cart", ["1", "2"])
+@each("cart", ["1", "2"])
 def test_counts_that_a_frozen_encoder_makes_up_for_at_once_are_masked_with_the_freeze(cart):
     _t, _u, x1, x2 = open_loop()
     v = speed(catch_up(x1 if cart == "1" else x2, 2500, 2599))

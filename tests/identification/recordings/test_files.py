@@ -8,6 +8,7 @@ import pytest
 from identification.recordings import RecordingError, read_recordings
 from identification.recordings.errors import NotARecordingError
 from identification.recordings.files import read_table
+from tests.each import each
 from tests.identification.recordings.logs import csv_text, velocity_log, write_csv
 
 
@@ -22,7 +23,7 @@ def check(table, log):
         np.testing.assert_allclose(found, wanted, atol=1e-4)
 
 
-@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@each("separator", [",", ";", "\t"])
 def test_separators(tmp_path, log, separator):
     check(read_table(write_csv(tmp_path / "a.csv", log, separator)), log)
 
@@ -76,14 +77,14 @@ def test_without_a_header_the_columns_have_numbers(tmp_path):
     np.testing.assert_array_equal(table.values[2], [0.0, 4.6592])
 
 
-@pytest.mark.parametrize("name", ["a.csv", "a.txt", "a.dat", "a.TSV", "a.log", "a.asc", "a.txt.gz", "a.dat.gz"])
+@each("name", ["a.csv", "a.txt", "a.dat", "a.TSV", "a.log", "a.asc", "a.txt.gz", "a.dat.gz"])
 def test_every_extension_of_text(tmp_path, log, name):
     text = csv_text(log, "\t").encode()
     (tmp_path / name).write_bytes(gzip.compress(text) if name.endswith(".gz") else text)
     check(read_table(tmp_path / name), log)
 
 
-@pytest.mark.parametrize(
+@each(
     ("head", "separator", "comma"),
     [
         ("t_s u_V v1_mm_s v2_mm_s", " ", False),
@@ -113,7 +114,7 @@ def test_decimal_comma_in_quotes(tmp_path, log):
     check(read_table(tmp_path / "a.csv"), log)
 
 
-@pytest.mark.parametrize("units", ["s,V,mm/s,mm/s", "[s],[V],[mm/s],[mm/s]"])
+@each("units", ["s,V,mm/s,mm/s", "[s],[V],[mm/s],[mm/s]"])
 def test_units_on_a_line_of_their_own(tmp_path, log, units):
     _, *rows = csv_text(log).splitlines()
     (tmp_path / "a.csv").write_text("\n".join(["t,u,v1,v2", units, *rows]))
@@ -152,9 +153,7 @@ def test_dates_as_time(tmp_path):
     assert t[1] - t[0] == pytest.approx(1e-3)
 
 
-@pytest.mark.parametrize(
-    "text", ["This folder holds the runs of group 7.\nAsk Kim.\n", "Gains tried: 0.05, 0.1\n2 of them failed\n"]
-)
+@each("text", ["This folder holds the runs of group 7.\nAsk Kim.\n", "Gains tried: 0.05, 0.1\n2 of them failed\n"])
 def test_notes_are_no_recording(tmp_path, text):
     (tmp_path / "README.txt").write_text(text)
     with pytest.raises(
@@ -205,7 +204,7 @@ def test_parquet_with_a_clock_of_dates(tmp_path):
     assert run.recorded == datetime(2025, 11, 20, 11, 21, 24)
 
 
-@pytest.mark.parametrize("share", [0.1, 0.5, 0.95])
+@each("share", [0.1, 0.5, 0.95])
 def test_damaged_parquet_is_skipped_with_a_reason(tmp_path, share):
     pandas = pytest.importorskip("pandas")
     pytest.importorskip("pyarrow", reason="extra parquet is not installed")
@@ -224,7 +223,7 @@ def test_parquet_needs_its_package(tmp_path, monkeypatch):
         read_table(tmp_path / "a.parquet")
 
 
-@pytest.mark.parametrize("text", ["", "\n\n", "# only a comment\n"])
+@each("text", ["", "\n\n", "# only a comment\n"])
 def test_empty_file(tmp_path, text):
     (tmp_path / "a.csv").write_text(text)
     with pytest.raises(RecordingError, match="must hold a header and samples"):
@@ -269,9 +268,7 @@ def test_text_that_is_called_gzip(tmp_path, log):
         read_table(path)
 
 
-@pytest.mark.parametrize(
-    ("name", "hint"), [("a.cvs", "Did you mean .csv"), ("a.xlsx", "Export the log as .csv"), ("a", "got none")]
-)
+@each(("name", "hint"), [("a.cvs", "Did you mean .csv"), ("a.xlsx", "Export the log as .csv"), ("a", "got none")])
 def test_unknown_extension(tmp_path, name, hint):
     (tmp_path / name).write_text("t,u\n")
     with pytest.raises(RecordingError, match=hint):

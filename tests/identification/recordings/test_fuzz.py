@@ -1,9 +1,8 @@
-import pytest
-
+from tests.each import each
 from tests.identification.recordings import fuzz
 
 
-@pytest.mark.parametrize("first", range(0, 200, 50))
+@each("first", range(0, 200, 50))
 def test_damaged_files_are_read_or_refused_in_the_usual_form(tmp_path, first):
     outcomes = [fuzz.run(seed, tmp_path)[1] for seed in range(first, first + 50)]
     assert outcomes.count("refused") >= 10

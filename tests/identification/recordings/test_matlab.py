@@ -10,6 +10,7 @@ from identification.recordings import RecordingError
 from identification.recordings.files import read_table
 from identification.recordings.rig import Rig, parse_rig
 from identification.recordings.roles import find_roles
+from tests.each import each
 from tests.identification.recordings.logs import sine, time
 
 T = time(0.3)
@@ -43,13 +44,13 @@ def read(path, names=("t", "u", "v1"), values=(T, U, V), rig=""):
     return found
 
 
-@pytest.mark.parametrize("version", ["4", "5"])
+@each("version", ["4", "5"])
 def test_vectors(tmp_path, version):
     scipy.io.savemat(tmp_path / "a.mat", {"t": T, "u": U, "v1": V, "Kp": 3.0}, format=version)
     read(tmp_path / "a.mat")
 
 
-@pytest.mark.parametrize("compressed", [False, True])
+@each("compressed", [False, True])
 def test_vectors_in_a_struct_and_stamps_in_ms(tmp_path, compressed):
     run = {"t_ms": 1e3 * T, "u": U, "v1": V, "name": "first"}
     scipy.io.savemat(tmp_path / "a.mat", {"run": run}, do_compression=compressed)
@@ -123,7 +124,7 @@ def test_signals_of_different_runs_are_refused(tmp_path):
         roles(tmp_path / "a.mat")
 
 
-@pytest.mark.parametrize("labels", [cells("t", "u", "v1"), np.array(["t", "u", "v1"])], ids=["cell", "char"])
+@each("labels", [cells("t", "u", "v1"), np.array(["t", "u", "v1"])], ids=["cell", "char"])
 def test_array_with_names_beside_it(tmp_path, labels):
     scipy.io.savemat(tmp_path / "a.mat", {"out": np.column_stack([T, U, V]), "labels": labels})
     read(tmp_path / "a.mat")
@@ -231,7 +232,7 @@ def test_file_without_signals(tmp_path):
         read_table(tmp_path / "a.mat")
 
 
-@pytest.mark.parametrize("size", [0, 60, 200, 2000])
+@each("size", [0, 60, 200, 2000])
 def test_truncated_file(tmp_path, size):
     path = tmp_path / "a.mat"
     scipy.io.savemat(path, {"t": T, "u": U, "v1": V})

@@ -88,6 +88,6 @@ def test_a_simulated_velocity_counts_as_raw():
     assert velocity_cutoff(x, 180.0 * np.cos(6.0 * T), TS) == 0.0
 
 
-@pytest.mark.parametrize("v", [np.zeros(T.size), 40.0 * np.sin(9.0 * T)], ids=["standing", "unrelated"])
+@each("v", [np.zeros(T.size), 40.0 * np.sin(9.0 * T)], ids=["standing", "unrelated"])
 def test_a_velocity_that_the_position_does_not_explain_has_none(v):
     assert velocity_cutoff(X1, v, TS) is None

@@ -8,6 +8,7 @@ import scipy.io
 from flexdrive_gym.units import Units
 from identification.recordings import RecordingError, read_recordings
 from identification.recordings.rig import parse_rig
+from tests.each import each
 from tests.identification.recordings.logs import (
     COUNT,
     TS,
@@ -278,7 +279,7 @@ class TestImperfectLogs:
         run = read_one(write_csv(tmp_path / "a.csv", log))
         assert run.notes == ("u is constant at 0.2 V", "nothing moves")
 
-    @pytest.mark.parametrize(
+    @each(
         ("change", "match"),
         [
             ({"u_V": 0.0, "v1_mm_s": 0.0, "v2_mm_s": 0.0}, "a.csv: column u: the drive must be excited"),
@@ -312,7 +313,7 @@ class TestImperfectLogs:
         assert run.velocity_cutoff is None
         assert "v1 is filtered (v1_filt): no raw one is in the file" in run.notes
 
-    @pytest.mark.parametrize(
+    @each(
         ("stamps", "note", "recorded"),
         [
             (lambda t: 1e3 * t, "warning: the time column has no unit; its stamps are read as milliseconds", None),
@@ -438,8 +439,8 @@ def bare_log():
     return dict(zip(("t", "u", "x1"), open_loop(), strict=False))
 
 
-@pytest.mark.parametrize("factor", [1e3, 1e-3])
-@pytest.mark.parametrize(
+@each("factor", [1e3, 1e-3])
+@each(
     ("log", "name"),
     [
         *((velocity_log, name) for name in ("t_s", "u_V", "v1_mm_s", "v2_mm_s")),

@@ -95,7 +95,7 @@ class TestClosedLoop:
         found = recognise_excitation(t, 0.2 * (xr - x1), x1, x2, xr)
         assert (found.feedback, round(found.gain, 6)) == ("x1", 0.2)
 
-    @pytest.mark.parametrize("late", ["position", "error"])
+    @each("late", ["position", "error"])
     def test_logs_that_are_one_step_late(self, late):
         t, _, xr, x1, x2 = closed_loop(0.05)
         before = np.r_[x2[0], x2[:-1]]

@@ -7,6 +7,7 @@ import pytest
 from flexdrive_gym.recording import Recording
 from flexdrive_gym.units import Units
 from identification.recordings import RecordingError, read_recordings, write_recording, write_rig
+from tests.each import each
 from tests.identification.recordings.logs import closed_loop, open_loop, recording, time
 
 
@@ -31,7 +32,7 @@ def test_other_runs_get_all_they_have(tmp_path):
     assert (tmp_path / "a.csv").read_text().startswith("t_s,u_V,x1_mm,v1_mm_s\n")
 
 
-@pytest.mark.parametrize("name", ["a.csv", "a.csv.gz"])
+@each("name", ["a.csv", "a.csv.gz"])
 def test_reading_back_gives_the_same_run(tmp_path, name):
     run = recording()
     path = write_recording(run, tmp_path / "new" / name)
@@ -62,7 +63,7 @@ def test_the_same_run_gives_the_same_bytes(tmp_path):
     assert gzip.decompress(first) == write_recording(recording(), tmp_path / "c.csv").read_bytes()
 
 
-@pytest.mark.parametrize("name", ["a.mat", "a.txt", "a"])
+@each("name", ["a.mat", "a.txt", "a"])
 def test_other_extensions_are_refused(tmp_path, name):
     with pytest.raises(RecordingError, match=r"written as .csv or .csv.gz; got .* Name the file a.csv"):
         write_recording(recording(), tmp_path / name)
