@@ -26,8 +26,8 @@ from identification.mismatch.linear import Linear
 from identification.mismatch.noise import Noise, scattered
 from identification.mismatch.nuisance import Direction, drawn, moving
 
-# quantile that tells the spread of a null distribution's upper half, and what it is of a standard normal variable
-_UPPER, _NORMAL = 0.9, 1.2816
+# quantiles that tell the spread of a null distribution's upper half and of its tail, and what they are of a standard normal one
+_UPPER, _NORMAL = (0.9, 0.99), (1.2816, 2.3263)
 # least spread that a name's gains are judged by: half of what is strong evidence (R. Kass, A. Raftery, Bayes factors, 1995)
 _LEAST = 1.5
 # draws made at a time, and the first of them, which tell the weights
@@ -59,7 +59,8 @@ class Null:
         """Return the distribution from every name's gains over the draws."""
         mean = {n: float(np.median(g)) for n, g in gain.items()}
         # predicting others badly has no limit, predicting them well has: the spread that matters is that of the upper half
-        raw = {n: (float(np.quantile(g, _UPPER)) - mean[n]) / _NORMAL for n, g in gain.items()}
+        # and a name with a heavy tail must not set the level for all others: its tail is its spread
+        raw = {n: float(np.max((np.quantile(g, _UPPER) - mean[n]) / _NORMAL)) for n, g in gain.items()}
         # a gain that is strong evidence in one name is not ten times as strong in another that hardly ever gains
         spread = {n: max(s, _LEAST) for n, s in raw.items()}
         return cls(mean, spread, np.max([(g - mean[n]) / spread[n] for n, g in gain.items()], axis=0))

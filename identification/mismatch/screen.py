@@ -74,6 +74,10 @@ class _Rows:
         return np.asarray(y - Q @ (Q.T @ y))
 
 
+class TooShortError(ValueError):
+    """No recording holds enough windows for the equation error."""
+
+
 class Screen:
     """Equation error of several recordings.
 
@@ -109,6 +113,8 @@ class Screen:
         self.motions = [motion(r, settings, window_s) for r in recordings]
         self.carts = len(self.motions[0].x)
         self.motions = [m for m in self.motions if len(m.windows) > 8]
+        if not self.motions:
+            raise TooShortError
         self.ratio = 2.0
         self.values: dict[str, float] = {}
         self._base()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from identification.mismatch.candidates.catalogue import Candidate, look_alikes,
 from identification.mismatch.evaluate import Name, Table
 from identification.mismatch.fit import Fit
 from identification.mismatch.linear import Linear
-from identification.mismatch.screen import Screen
+from identification.mismatch.screen import Screen, TooShortError
 from identification.topology import Topology
 
 Start = tuple[Candidate, dict[str, float]]
@@ -22,11 +23,11 @@ Start = tuple[Candidate, dict[str, float]]
 
 def base_starts(bench: Bench, topology: Topology) -> list[dict[str, float]]:
     """Return starts of the base model: both equation errors, a heavier cart 2, other stiffnesses, and no friction."""
-    starts = [Screen(bench.recordings, bench.settings, bench.pool).values]
-    found = start_values(bench.recordings, topology)
-    starts.append({**topology.start, **found})
+    starts = [{**topology.start, **start_values(bench.recordings, topology)}]
+    with suppress(TooShortError):
+        starts.insert(0, Screen(bench.recordings, bench.settings, bench.pool).values)
     good = [_positive(s, topology) for s in starts if _sound({k: v for k, v in s.items() if k[0] == "m"})]
-    good = good or [_positive(starts[1], topology)]
+    good = good or [_positive(starts[-1], topology)]
     first = good[0]
     if "k" in first:
         good += [{**first, "k": f * first["k"]} for f in (0.5, 2.0)]
@@ -92,7 +93,10 @@ def far_starts(bench: Bench, base: Fit, known: Values, candidates: Sequence[Cand
     asked = [c for c in candidates if not any(k in base.values for k, _ in c.sizes)]
     jobs: list[Start] = []
     for resting in (False, True):
-        screen = Screen(bench.recordings, bench.settings, bench.pool, known, resting=resting)
+        try:
+            screen = Screen(bench.recordings, bench.settings, bench.pool, known, resting=resting)
+        except TooShortError:
+            break
         seen: set[Name] = set()
         for p in screen.propose(asked):
             if (

@@ -26,21 +26,19 @@ def _table(runs):
 
 
 def test_cogging_is_found_with_its_period_wherever_recordings_begin():
+    """To first order: a ripple that moves the carts off their track is for the fits."""
     rng = np.random.default_rng(0)
     runs = []
     for i in range(6):
         turn = rng.uniform(0.0, 2.0 * np.pi)
-        effect = {"cogging.a_sin": 0.2 * np.cos(turn), "cogging.a_cos": 0.2 * np.sin(turn), "cogging.P": 11.0}
+        effect = {"cogging.a_sin": 0.06 * np.cos(turn), "cogging.a_cos": 0.06 * np.sin(turn), "cogging.P": 11.0}
         runs.append(data_set(effect, force=0.02)[i])
     table = _table(runs)
     best = table.best["cogging", "drivetrain"]
-    assert table.total["cogging", "drivetrain"][0] > 50.0
+    assert table.total["cogging", "drivetrain"][0] > 100.0
+    assert _table(data_set(force=0.05)).total["cogging", "drivetrain"][0] < 30.0
     assert best.candidate.period == pytest.approx(11.0, rel=0.1)
-    assert np.sqrt(2.0 * best.variance) == pytest.approx(0.2, rel=0.5)
-
-
-def test_a_rig_without_a_ripple_gains_little_by_one():
-    assert _table(data_set(force=0.05)).total["cogging", "drivetrain"][0] < 10.0
+    assert np.sqrt(2.0 * best.variance) == pytest.approx(0.06, rel=0.5)
 
 
 def test_an_oscillation_that_no_command_makes_is_found_at_its_frequency():
