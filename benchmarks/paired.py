@@ -1,8 +1,8 @@
 """The present diagnosis against the published one, on the same concealed data sets.
 
-``python -m benchmarks paired [--trials 60] [--jobs 2]`` makes the first data sets of the published study once more, diagnoses them and
-prints both answers. The published answers are those of ``docs/trial/seed_9``. Its seed steered decisions: what is
-printed is a comparison and no claim. Every answer is kept in the cache directory under the digest of the code.
+``python -m benchmarks paired [--trials 60] [--jobs 2]`` makes the first data sets of the published study again, diagnoses them,
+and prints both answers. The published answers are those of ``docs/trial/seed_9``. Its seed steered decisions: what is printed is
+a comparison and no claim. Every answer is kept in the cache directory under the digest of the code.
 """
 
 import argparse
