@@ -222,14 +222,13 @@ def usable(recordings: Sequence[Recording]) -> tuple[list[Recording], list[str]]
     open_loop = [r for r in good if not r.closed_loop]
     notes = []
     if len(single) < len(recordings):
-        notes.append(f"{len(recordings) - len(single)} duplicate recordings left out")
+        notes.append(f"{_counted(len(recordings) - len(single), 'duplicate recording')} left out")
     if len(good) < len(single):
-        notes.append(
-            f"{len(single) - len(good)} recordings with a held cart left out: the model has two carts that move"
-        )
+        held = _counted(len(single) - len(good), "recording")
+        notes.append(f"{held} with a held cart left out: the model has two carts that move")
     if open_loop:
         if len(open_loop) < len(good):
-            notes.append(f"{len(good) - len(open_loop)} closed-loop recordings kept for validation")
+            notes.append(f"{_counted(len(good) - len(open_loop), 'closed-loop recording')} kept for validation")
         return open_loop, notes
     if not good:
         raise ValueError(
@@ -237,6 +236,10 @@ def usable(recordings: Sequence[Recording]) -> tuple[list[Recording], list[str]]
         )
     notes.append("only closed-loop recordings: their recorded command is replayed, which drifts with friction")
     return good, notes
+
+
+def _counted(n: int, what: str) -> str:
+    return f"{n} {what}{'' if n == 1 else 's'}"
 
 
 def _parts(runs: int, parameters: int) -> int:

@@ -147,7 +147,7 @@ class TestFolders:
         assert [run.name for run in runs] == ["a"]
         assert runs.skipped[0].file == "trajectory.csv"
         assert "reference trajectory" in runs.skipped[0].reason
-        assert runs.summary() == "1 recordings read; 1 files left out"
+        assert runs.summary() == "1 recording read; 1 file left out"
         with pytest.raises(RecordingError, match=r"trajectory.csv: .* reference trajectory, not a recording"):
             read_recordings(reference)
 
