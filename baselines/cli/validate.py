@@ -66,7 +66,7 @@ def validate(
     for line in skipped_lines(runs):
         say(line)
     table(
-        f"{model.name} against {len(runs)} recordings",
+        f"{model.name} against {len(result.overlays)} recording{'' if len(result.overlays) == 1 else 's'}",
         ["recording", "channel", "rms", "floor", "unit", "NRMSE fit", "VAF", "how"],
         [
             [

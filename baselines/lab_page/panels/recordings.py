@@ -352,12 +352,11 @@ class RecordingsPanel:
         if not len(found) and not found.skipped:
             self.listed.set_content(f"<p>{texts.NOTHING_READ}</p>")
             return
-        count = texts.HOW_MANY.format(count=len(found), skipped=len(found.skipped))
         rows = [
             [r.name, r.excitation.text(r.units), str(r.n), ", ".join(name for name, _v in r.channels())]
             for r in found[:_MOST_LISTED]
         ]
-        html = f"<h2>{texts.EXPERIMENTS_READ}: {text_of(count)}</h2>"
+        html = f"<h2>{texts.EXPERIMENTS_READ}: {text_of(found.summary())}</h2>"
         html += "".join(
             f"<p class='lab-note'>{text_of(texts.UNREADABLE.format(file=s.file, reason=s.reason))}</p>"
             for s in found.skipped[:_MOST_LISTED]
