@@ -269,7 +269,7 @@ def _filter_notes(filtered: tuple[str, ...], cutoff: float | None) -> tuple[str,
     if not filtered:
         return ()
     if cutoff is None:
-        return ("the cut-off of the velocities' filter is not known",)
+        return ("the cut-off of the velocities' filter is not known: it is fitted with the model",)
     return (f"the velocities' filter has a cut-off of {cutoff:.3g} Hz",)
 
 
