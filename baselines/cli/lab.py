@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from baselines.cli._output import Json, print_json, say
-from baselines.cli._reading import RigFile
+from baselines.cli._reading import Only, RigFile, Skip, Strict
 
 
 def lab(
@@ -20,6 +20,9 @@ def lab(
         ),
     ] = None,
     rig: RigFile = None,
+    strict: Strict = False,
+    only: Only = None,
+    skip: Skip = None,
     port: Annotated[int, typer.Option(min=1, max=65535, help="TCP port.")] = 8080,
     host: Annotated[
         str, typer.Option(help="Address to listen on; anything but 127.0.0.1 lets other machines in.")
@@ -59,4 +62,7 @@ def lab(
     else:
         say(f"the lab is at http://{host}:{port}/ (Ctrl-C ends it)")
     recordings = tuple(p for p in given if p.suffix != ".toml")
-    serve(Lab(found | {BUNDLED: DEFAULT_DRIVE}, recordings, rig, exercise), host=host, port=port, browser=browser)
+    given_to = Lab(
+        found | {BUNDLED: DEFAULT_DRIVE}, recordings, rig, exercise, strict=strict, only=only or (), skip=skip or ()
+    )
+    serve(given_to, host=host, port=port, browser=browser)

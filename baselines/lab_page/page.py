@@ -165,6 +165,7 @@ class Page:
         self._number += 1
         self.control.follow()
         self.physics.follow()
+        self.guide.follow()
         background_tasks.create(self._update(self._number), name="lab update")
 
     async def _update(self, number: int) -> None:

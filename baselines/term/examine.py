@@ -51,12 +51,19 @@ class Settings:
         Of the diagnosis and the draws.
     rig
         Text of a ``rig.toml`` for hand-ins without one.
+    strict
+        Whether a file that cannot be read makes its group a row with a reason.
+    only, skip
+        Patterns of the files of a hand-in.
     """
 
     diagnose: bool = True
     draws: int = 100
     seed: int = 0
     rig: str = ""
+    strict: bool = False
+    only: tuple[str, ...] = ()
+    skip: tuple[str, ...] = ()
 
 
 @dataclass
@@ -161,7 +168,7 @@ def _read(parcel: Parcel, settings: Settings, folder: Path, row: _Row) -> Record
         described.write_text(settings.rig, encoding="utf-8")
     if refused and not any(p.is_file() and p != described for p in folder.rglob("*")):
         raise ValueError("; ".join(f"{item['file']}: {item['reason']}" for item in skipped))
-    runs = read_recordings(folder, rig=described)
+    runs = read_recordings(folder, rig=described, strict=settings.strict, only=settings.only, skip=settings.skip)
     skipped += [{"file": s.file, "reason": s.reason} for s in runs.skipped]
     return runs
 
