@@ -186,7 +186,7 @@ def _nothing(
     if len(files) == 1 and files[0].root is None and errors:
         return errors[0]
     lines = [f"\n  {line}" for line in reasons(skipped.values(), MOST_REASONS)]
-    got = f"none in {len(files)} files. " if files else "no file that was asked for. "
+    got = f"none in {len(files)} file{'' if len(files) == 1 else 's'}. " if files else "no file that was asked for. "
     remedy = "A recording has columns such as t_s,u_V,v1_mm_s,v2_mm_s; a rig.toml says which columns of other names they are."
     return RecordingError(
         f"{_shown(paths)}: files: at least one must be a recording; got {got}{remedy}{''.join(lines)}"

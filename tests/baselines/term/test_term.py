@@ -187,3 +187,11 @@ def test_a_hand_in_is_read_as_other_commands_read_a_folder(tmp_path):
     assert strict["reason"].startswith("broken.csv: ")
     chosen = examine(found, replace(quick, strict=True, skip=("broken*",)))
     assert (chosen["status"], chosen["skipped"]) == ("ok", [])
+
+
+def test_a_hand_in_without_recordings_says_what_it_has(tmp_path):
+    (tmp_path / "g").mkdir()
+    (tmp_path / "g" / "notes.csv").write_text("hi\n")
+    row = examine(parcel(Group("", "g", tmp_path / "g")), Settings(diagnose=False, draws=0))
+    assert row["reason"].startswith("files: at least one must be a recording; got none in 1 file.")
+    assert "notes.csv: file: must hold columns of numbers" in row["reason"]

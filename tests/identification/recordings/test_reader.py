@@ -203,7 +203,7 @@ class TestFolders:
 
     def test_a_folder_of_trajectories_only(self, tmp_path):
         write_csv(tmp_path / "trajectory.csv", {"t_s": time(2.0), "xr_mm": trajectory(time(2.0))})
-        with pytest.raises(RecordingError, match=r"(?s)got none in 1 files.*trajectory.csv: .* reference trajectory"):
+        with pytest.raises(RecordingError, match=r"(?s)got none in 1 file.*trajectory.csv: .* reference trajectory"):
             read_recordings(tmp_path)
 
     def test_a_missing_path_suggests_its_neighbour(self, tmp_path):
