@@ -293,7 +293,9 @@ def _result(
     }
     # what made no difference was given no variance: nothing is known of it
     blind = spread <= _NO_VARIANCE * np.abs([values[n] for n in fit.names])
-    intervals |= {n: (parameter(n).lower, parameter(n).upper) for n, nothing in zip(fit.names, blind, strict=True) if nothing}
+    intervals |= {
+        n: (parameter(n).lower, parameter(n).upper) for n, nothing in zip(fit.names, blind, strict=True) if nothing
+    }
     remarks = list(notes)
     unknown = [n for n, (low, high) in intervals.items() if high - low > 2.0 * values[n]]
     if unknown:

@@ -194,9 +194,7 @@ def _replayed_positions(drive: Drive, recording: Recording, run: Run) -> dict[st
 def _held_by_the_frame(drive: Drive, positions: Sequence[FloatArray | None]) -> bool:
     """Whether a spring to the frame pulls harder than dry friction holds somewhere along a run."""
     stiffness = [drive.values.get(f"ground_spring.{name}", 0.0) for name in ("kg", "kg_2")]
-    pull = sum(
-        k * float(np.max(np.abs(x - x[0]))) for k, x in zip(stiffness, positions, strict=True) if x is not None
-    )
+    pull = sum(k * float(np.max(np.abs(x - x[0]))) for k, x in zip(stiffness, positions, strict=True) if x is not None)
     return pull > sum(drive.values.get(name, 0.0) for name in ("d1", "d2"))
 
 

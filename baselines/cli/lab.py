@@ -40,12 +40,13 @@ def lab(
         raise ValueError(
             "lab: the page needs NiceGUI; got no such package. Run: pip install 'flexdrive[lab]'"
         ) from error
+    from baselines.lab.lab_scale import on_lab_scale  # noqa: PLC0415
     from baselines.lab_page.session import BUNDLED, Lab  # noqa: PLC0415
     from flexdrive_gym import DEFAULT_DRIVE, load_drive  # noqa: PLC0415
 
     given = shown or []
     drives = [p for p in given if p.suffix == ".toml"]
-    found = {f"drive{i + 1}": load_drive(path) for i, path in enumerate(drives)}
+    found = {f"drive{i + 1}": on_lab_scale(load_drive(path)) for i, path in enumerate(drives)}
     if host not in LOOPBACK_NAMES:
         print(
             f"flexdrive: --host {host} lets every machine that reaches it use this page, run computations here and see what is "

@@ -93,9 +93,7 @@ def term(
 
     groups, notes = find_groups(folders, terms)
     described = "" if rig is None else rig.read_text(encoding="utf-8")
-    settings = Settings(
-        diagnose, draws, seed, described, strict=strict, only=tuple(only or ()), skip=tuple(skip or ())
-    )
+    settings = Settings(diagnose, draws, seed, described, strict=strict, only=tuple(only or ()), skip=tuple(skip or ()))
 
     def kept() -> str:
         done = len(list(kept_in(output).glob("*.json")))

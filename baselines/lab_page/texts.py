@@ -222,7 +222,10 @@ STEPS = {
         "The same gain, fed back from x1: stable, for the motor cart's phase never reaches −180°.",
     ),
     "2.5": ("2.5 Step response", "Open loop, squares of ±{low} and ±{high} at {slow}. One button records both."),
-    "2.6": ("2.6 Frequency response", "Open loop, sines of ±{sine} from {slow} to {fast}. One button records all fourteen."),
+    "2.6": (
+        "2.6 Frequency response",
+        "Open loop, sines of ±{sine} from {slow} to {fast}. One button records all fourteen.",
+    ),
 }
 RECORD_ALL_SINES = "Record all fourteen sines"
 

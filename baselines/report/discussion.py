@@ -213,8 +213,8 @@ def frequency_domain_observations(table: FrequencyTable, drive: Drive, cart: int
     return [
         first,
         (
-            f"The gain differs most at {units.text(f[i], 'Hz')} (factor {ratio[i]:.2f}) and the phase at {units.text(f[j], 'Hz')} "
-            f"({difference[j]:+.0f}°)."
+            f"The gain differs most at {units.text(f[i], 'Hz')} (factor {ratio[i]:.2f}) and the phase at "
+            f"{units.text(f[j], 'Hz')} ({difference[j]:+.0f}°)."
         ),
     ]
 

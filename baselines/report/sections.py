@@ -60,8 +60,8 @@ def p_control_section(found: Findings) -> Section:
     from identification.plots import plot_recording  # noqa: PLC0415  (matplotlib)
 
     section = Section("P-control (2.1–2.4)", "p-control")
-    runs = [r for r in found.recordings if r.closed_loop and r.x2 is not None and r.excitation.gain is not None]
-    drive = found.likely.drive
+    runs = [r for r in found.task_runs if r.closed_loop and r.x2 is not None and r.excitation.gain is not None]
+    drive = found.task
     if drive.carts == 1:
         section.text("There is no second cart to control.")
         return section
@@ -339,7 +339,7 @@ def stability(found: Findings) -> Section:
     from identification.plots import plot_pole_zero  # noqa: PLC0415
 
     section = Section("Poles, zeros and the stability limit", "stability")
-    drive = found.likely.drive
+    drive = found.task
     if drive.carts == 2:
         section.figure(
             plot_pole_zero(drive.linear),

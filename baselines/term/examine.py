@@ -16,14 +16,16 @@ from typing import Any
 
 import numpy as np
 
+from baselines.lab.lab_scale import on_lab_scale
 from baselines.lab.uncertainty import predict
-from baselines.loop_analysis.stability_limit import observed_limit
+from baselines.loop_analysis.stability_limit import ObservedLimit, observed_limit
 from baselines.term.copies import fingerprint
 from baselines.term.evidence import run_evidence
 from baselines.term.groups import Parcel, rig_file
 from flexdrive_gym import Drive, Recording
 from flexdrive_gym.drive.parameters import parameter
 from flexdrive_gym.drive.toml import dumps
+from flexdrive_gym.units import Units
 from identification import check, diagnose, identify, read_recordings
 from identification.readiness.plausible import implausible
 from identification.readiness.sessions import sessions_of
@@ -131,7 +133,7 @@ def _examine(parcel: Parcel, settings: Settings, folder: Path, row: _Row) -> Non
         }
         runs, signs = mended(runs)
         row.found["signs"] = signs
-        row.found["critical_gain"] = {"predicted": {}, "reached": asdict(observed_limit(runs))}
+        row.found["critical_gain"] = {"predicted": {}, "reached": asdict(ObservedLimit(None, None))}
     with row.step("identifying", needed=True):
         fit = identify(runs, threads=1)
         drive = fit.drive
@@ -141,6 +143,7 @@ def _examine(parcel: Parcel, settings: Settings, folder: Path, row: _Row) -> Non
             "rms": getattr(fit.result, "rms", math.nan) / drive.units.one("mm/s"),
             "drive": dumps(drive),
         }
+        row.found["critical_gain"]["reached"] = _reached(runs, on_lab_scale(drive).units)
     with row.step("weighing runs"):
         names, evidence = run_evidence(drive, select(runs).usable, sessions)
         row.found |= {"evidence_of": list(names), "evidence": [e.as_json() for e in evidence]}
@@ -228,6 +231,7 @@ def _parameters(drive: Drive) -> dict[str, dict[str, Any]]:
 
 def _gains(drive: Drive, settings: Settings) -> dict[str, Any]:
     names = _GAINS if drive.carts == 2 else _COLLOCATED
+    drive = on_lab_scale(drive)
     predicted = predict(drive, names, draws=settings.draws, seed=settings.seed, threads=1)
     found = {}
     for name, p in predicted.items():
@@ -239,6 +243,12 @@ def _gains(drive: Drive, settings: Settings) -> dict[str, Any]:
             "extrapolated": of_rig.extrapolated,
         }
     return found
+
+
+def _reached(runs: Sequence[Recording], scale: Units) -> dict[str, float | None]:
+    """Return which gains from x2 held and grew, judged on the scale of the laboratory's tasks, in the rig's units."""
+    seen = asdict(observed_limit([r.rescaled(scale) for r in runs]))
+    return {name: None if gain is None else gain / scale.one("V/mm") for name, gain in seen.items()}
 
 
 def _fault(recording: Recording, fault: Any) -> dict[str, Any]:

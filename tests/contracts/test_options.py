@@ -107,7 +107,9 @@ def test_help_keeps_its_brackets(command):
 
 
 def test_every_command_that_reads_recordings_takes_a_description_and_a_choice():
-    reading = {name for name, command in COMMANDS.items() if any("RECORDINGS" in (p.metavar or "") for p in command.params)}
+    reading = {
+        name for name, command in COMMANDS.items() if any("RECORDINGS" in (p.metavar or "") for p in command.params)
+    }
     assert {"check", "identify", "validate", "diagnose", "report", "lab"} <= reading
     for name in (*reading, "term"):
         taken = {option for p in COMMANDS[name].params for option in p.opts}

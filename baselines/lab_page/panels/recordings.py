@@ -91,7 +91,9 @@ class Workbench:
         rig, choice = self._rig(), self._choice()
         found = ["--rig", str(rig)] if rig is not None else []
         found += ["--strict"] if choice.get("strict") else []
-        return found + [word for name in ("only", "skip") for glob in choice.get(name, ()) for word in (f"--{name}", glob)]
+        return found + [
+            word for name in ("only", "skip") for glob in choice.get(name, ()) for word in (f"--{name}", glob)
+        ]
 
     def drives(self) -> list[str]:
         """Offer the drives that were dropped; return one sentence for each that is none."""
@@ -183,8 +185,9 @@ class Workbench:
         if recording is None or signal is None:
             return
         drive = self.drive
-        if drive is None and self.session.drive.units == recording.units and self._name == "recordings":
-            drive = self.session.drive
+        shown, own = self.session.drive.units, recording.units
+        if drive is None and (shown.length, shown.command) == (own.length, own.command) and self._name == "recordings":
+            drive = self.session.drive.rescaled(own)
         known: Signal = signal
         chart, rms = await asyncio.to_thread(overlay, drive, recording, known, self._span)
         self.plot.show(chart)
