@@ -220,7 +220,7 @@ def validate(drive: Drive, recordings: Sequence[Recording]) -> Validation:
     overlays = []
     squares, floor_squares, n, floor_n = 0.0, 0.0, 0, 0
     for measured in runs:
-        simulated, how = _simulated(drive, measured)
+        simulated, how = simulate_recording(drive, measured)
         fits = []
         for name, y in measured.channels():
             y_hat = getattr(simulated, name)
@@ -246,8 +246,16 @@ def validate(drive: Drive, recordings: Sequence[Recording]) -> Validation:
     )
 
 
-def _simulated(drive: Drive, measured: Recording) -> tuple[Recording, str]:
-    """Return what the drive does where a recording was made, and how that was simulated."""
+def simulate_recording(drive: Drive, measured: Recording) -> tuple[Recording, str]:
+    """Return what the drive does where a recording was made, and how that was simulated.
+
+    Returns
+    -------
+    simulated : Recording
+        Only signals that can be compared.
+    how : str
+        ``replay`` of the command, ``in the loop``, or ``windows of … s`` where the controller is unknown.
+    """
     unknown = measured.closed_loop and (measured.xr is None or measured.excitation.gain is None)
     if unknown or silent(measured):
         seconds = window_of(drive)
