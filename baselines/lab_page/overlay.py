@@ -60,9 +60,7 @@ def overlay(
         run, how = simulate_recording(drive, recording)
         model = getattr(run, signal)
     if model is not None:
-        lines.append(
-            series(t[thin], model[thin] / size, colour, name=f"{signal} {texts.SIMULATED}, {how}")
-        )
+        lines.append(series(t[thin], model[thin] / size, colour, name=f"{signal} {texts.SIMULATED}, {how}"))
         good = recording.valid(signal)[chosen]
         difference = (measured - model)[chosen][good] / size
         rms = float(np.sqrt(np.mean(difference**2))) if len(difference) else None
