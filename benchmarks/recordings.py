@@ -85,7 +85,7 @@ def main() -> None:
         "left out",
         "experiments",
         "sessions",
-        "a fit can use",
+        "fitted",
         "determined",
         "ready",
         "time [s]",
@@ -114,8 +114,8 @@ def row(name: str, rig: str) -> list[str]:
         str(len(found.read.skipped)),
         experiments(found),
         sessions,
-        str(len(found.selection.usable)),
-        ", ".join(yes) + (f"; not {', '.join(no)}" if no else ""),
+        "0" if found.found is None else str(found.found.available),
+        (", ".join(yes) or "nothing") + (f"; not {', '.join(no)}" if no else ""),
         "yes" if found.ready else found.line(),
         f"{seconds:.1f}",
     ]
@@ -160,9 +160,10 @@ def merged() -> None:
 
 def many() -> None:
     """Print how long a check of a hundred recordings takes, reading included."""
-    begin = time.perf_counter()
+    begin, busy = time.perf_counter(), time.process_time()
     folders = sorted((DATA / "blind").iterdir())
     files = [path for folder in folders for path in sorted(folder.glob("*.csv.gz"))][:MANY]
     runs = read_recordings(files)
     found = check(runs)
-    print(f"\nA check of {len(found.recordings)} recordings took {time.perf_counter() - begin:.1f} s.")
+    took, used = time.perf_counter() - begin, time.process_time() - busy
+    print(f"\nA check of {len(found.recordings)} recordings took {took:.1f} s and {used:.1f} s of processor time.")

@@ -182,9 +182,22 @@ class Recording:
 
     def in_rig_units(self) -> Recording:
         """Return the recording with the numbers that the rig's owner reads, for plots and tables; no model runs on it."""
-        if self.units.lab:
+        return self.rescaled(Units(self.units.length, self.units.command))
+
+    def rescaled(self, units: Units) -> Recording:
+        """Return the same recording on another scale: its signals in the engine's new numbers.
+
+        Parameters
+        ----------
+        units
+            How many of the engine's units make one of the rig's on the new scale.
+        """
+        if units == self.units:
             return self
-        one = self.units.one
+
+        def one(unit: str) -> float:
+            return self.units.one(unit) / units.one(unit)
+
         length, speed, command, time = one("mm"), one("mm/s"), one("V"), one("s")
         scaled = {
             name: values / (speed if name[0] == "v" else length)
@@ -207,7 +220,7 @@ class Recording:
             velocity_cutoff=self.velocity_cutoff and self.velocity_cutoff / one("Hz"),
             excitation=drove,
             faults=tuple(replace(f, start_s=f.start_s / time, end_s=f.end_s / time) for f in self.faults),
-            units=Units(self.units.length, self.units.command),
+            units=units,
         )
 
     def channels(self) -> Iterator[tuple[Channel, FloatArray]]:

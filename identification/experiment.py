@@ -41,8 +41,8 @@ _COUNTS = 100.0
 _SILENT = 1e-6
 # share of a step command's samples on plateaus, and how many levels it may have
 _ON_PLATEAU, _MOST_CHANGES = 0.9, 12
-# rms that straight lines may leave of a ramp, of its rms
-_STRAIGHT = 0.02
+# rms that straight lines may leave of a ramp, of its rms, and samples over which one changes
+_STRAIGHT, _SLOPING = 0.01, 50
 # how near to 1 the gain from a reference to the position is, and what it may leave of the position's travel
 _UNIT_GAIN, _LEFT = 0.1, 0.12
 # seconds that a plateau must last for a position to settle, and the part of it where it must have
@@ -95,18 +95,21 @@ def _is_step(u: FloatArray, Ts: float) -> bool:
 
 
 def _is_ramp(u: FloatArray) -> bool:
-    """Whether the command is made of straight lines between a rest and its extremes."""
+    """Whether the command is made of a few straight lines: a ramp, or a triangle wave of a few periods.
+
+    The sample farthest from the lines so far is a kink of a command that is made of lines; a sine needs twenty lines a period
+    to come as near.
+    """
     size = float(np.std(u))
-    active = np.flatnonzero(np.abs(u - u[0]) > 1e-3 * np.ptp(u))
-    if size == 0.0 or active.size < 50:
+    if size == 0.0 or np.count_nonzero(np.diff(u)) < _SLOPING:
         return False
-    kinks = sorted(
-        {0, max(int(active[0]) - 1, 0), int(np.argmax(u)), int(np.argmin(u)), min(int(active[-1]) + 1, u.size - 1)}
-    )
-    knots = np.array([k for k in (*kinks, u.size - 1) if k >= 0])
-    knots = np.unique(knots)
-    left = u - np.interp(np.arange(u.size), knots, u[knots])
-    return float(np.sqrt(np.mean(left**2))) < _STRAIGHT * size
+    samples, knots = np.arange(u.size), [0, u.size - 1]
+    while len(knots) <= _MOST_CHANGES + 1:
+        left = u - np.interp(samples, knots, u[knots])
+        if float(np.sqrt(np.mean(left**2))) < _STRAIGHT * size:
+            return True
+        knots = sorted({*knots, int(np.argmax(np.abs(left)))})
+    return False
 
 
 def position(recording: Recording, cart: int) -> FloatArray | None:

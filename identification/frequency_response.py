@@ -13,14 +13,14 @@ filtered derivative too).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import pi
 
 import numpy as np
 
 from flexdrive_gym import Drive, Excitation, LinearDrive, Recording
 from flexdrive_gym.recording import BoolArray, FloatArray
-from flexdrive_gym.units import LAB, Units
+from flexdrive_gym.units import LAB, Units, measured_in
 from identification.signals import velocities
 from identification.sine_fit import SineFit, fit_sine, transient
 from identification.theoretical_response import (
@@ -69,12 +69,12 @@ class CartResponse:
         The sine fitted to the velocity.
     """
 
-    gain: float
+    gain: float = field(metadata=measured_in("mm/s/V"))
     phase_deg: float | None
-    gain_ci: tuple[float, float]
+    gain_ci: tuple[float, float] = field(metadata=measured_in("mm/s/V"))
     phase_ci: tuple[float, float] | None
     flag: str
-    fit: SineFit
+    fit: SineFit = field(metadata=measured_in("mm/s"))
 
 
 @dataclass(frozen=True)
@@ -93,8 +93,8 @@ class FrequencyRow:
         Name of the run.
     """
 
-    frequency: float
-    u_amplitude: float
+    frequency: float = field(metadata=measured_in("Hz"))
+    u_amplitude: float = field(metadata=measured_in("V"))
     cart1: CartResponse | None
     cart2: CartResponse | None
     recording: str

@@ -48,6 +48,8 @@ _COARSE = 8
 _UNKNOWN = 300.0
 # of a drive whose equations of motion are not all seen, stiffness is known least
 _STIFFER = (0.1, 0.3, 3.0, 10.0)
+# of a value, standard deviation below which it has none
+_NO_VARIANCE = 1e-9
 # clusters that a covariance must have beyond the number of parameters
 _SPARE = 2
 _STOPPED = "the optimiser stopped before its tolerance was met"
@@ -222,14 +224,13 @@ def usable(recordings: Sequence[Recording]) -> tuple[list[Recording], list[str]]
     open_loop = [r for r in good if not r.closed_loop]
     notes = []
     if len(single) < len(recordings):
-        notes.append(f"{len(recordings) - len(single)} duplicate recordings left out")
+        notes.append(f"{_counted(len(recordings) - len(single), 'duplicate recording')} left out")
     if len(good) < len(single):
-        notes.append(
-            f"{len(single) - len(good)} recordings with a held cart left out: the model has two carts that move"
-        )
+        held = _counted(len(single) - len(good), "recording")
+        notes.append(f"{held} with a held cart left out: the model has two carts that move")
     if open_loop:
         if len(open_loop) < len(good):
-            notes.append(f"{len(good) - len(open_loop)} closed-loop recordings kept for validation")
+            notes.append(f"{_counted(len(good) - len(open_loop), 'closed-loop recording')} kept for validation")
         return open_loop, notes
     if not good:
         raise ValueError(
@@ -237,6 +238,10 @@ def usable(recordings: Sequence[Recording]) -> tuple[list[Recording], list[str]]
         )
     notes.append("only closed-loop recordings: their recorded command is replayed, which drifts with friction")
     return good, notes
+
+
+def _counted(n: int, what: str) -> str:
+    return f"{n} {what}{'' if n == 1 else 's'}"
 
 
 def _parts(runs: int, parameters: int) -> int:
@@ -259,7 +264,7 @@ def _covariance(fit: Descent, z: FloatArray) -> tuple[FloatArray, float, int]:
             np.add.at(s, parts * i + part, scores[begin : begin + len(part)])
             begin += len(part)
     # a parameter without influence makes the information singular; the pseudo-inverse gives it no variance here and
-    # the caller reports it as resting at its bound
+    # the caller says that nothing is known of it
     inverse = np.linalg.pinv(J.T @ J, rcond=1e-12, hermitian=True)
     sandwich = inverse @ (s.T @ s) @ inverse * (clusters / (clusters - n))
     ratio = np.diag(inverse) / np.maximum(np.diag(sandwich), 1e-300)
@@ -285,6 +290,11 @@ def _result(
         if name in LOGARITHMIC
         else (max(parameter(name).lower, float(v - s)), float(v + s))
         for name, v, s in zip(fit.names, (values[n] for n in fit.names), spread, strict=True)
+    }
+    # what made no difference was given no variance: nothing is known of it
+    blind = spread <= _NO_VARIANCE * np.abs([values[n] for n in fit.names])
+    intervals |= {
+        n: (parameter(n).lower, parameter(n).upper) for n, nothing in zip(fit.names, blind, strict=True) if nothing
     }
     remarks = list(notes)
     unknown = [n for n, (low, high) in intervals.items() if high - low > 2.0 * values[n]]

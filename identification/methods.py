@@ -7,7 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from flexdrive_gym import Drive, Recording
+from flexdrive_gym.drive.parameters import parameter
 from identification.likelihood import MaximumLikelihood, identify_by_likelihood
 from identification.quantities import HANDOUT_RATIOS, Quantity
 from identification.recordings import Rig
@@ -17,6 +20,8 @@ from identification.step_response import HandoutResult, identify_by_handout
 
 METHODS = ("handout", "ml")
 Method = Literal["handout", "ml"]
+# of a limit, by which a command may exceed it: converters round
+_EXCEEDED = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +45,16 @@ class Identification:
     method: Method
     result: HandoutResult | MaximumLikelihood
 
+    @property
+    def effects(self) -> dict[str, Quantity]:
+        """Fitted parameters of the effects that the rig description knows."""
+        names = () if self.drive.covariance is None else self.drive.covariance.names
+        return {
+            n: Quantity(self.drive[n], parameter(n).unit, "maximum likelihood", ci95=self.drive.intervals.get(n))
+            for n in names
+            if "." in n
+        }
+
     def __str__(self) -> str:
         return str(self.result)
 
@@ -55,7 +70,8 @@ def rig_parameters(recordings: Sequence[Recording]) -> dict[str, float]:
         if cutoffs:
             found[f"velocity_processing.encoder_{i + 1}.cutoff"] = min(cutoffs)
     limits = [r.excitation.limit for r in recordings if r.excitation.limit is not None]
-    if limits:
+    # a controller that rests at its largest command looks limited; an amplifier's limit is exceeded by no run
+    if limits and max(limits) > (1.0 - _EXCEEDED) * max(float(np.max(np.abs(r.u))) for r in recordings):
         found["saturation.limit"] = max(limits)
     return found
 

@@ -12,7 +12,7 @@ from typing import Literal
 
 from flexdrive_gym.recording import Recording
 from identification.experiment import Reference, as_reference, held_carts, silent
-from identification.recordings.recording_set import RecordingSet
+from identification.recordings.recording_set import RecordingSet, listed
 
 Why = Literal["duplicate", "held", "reference", "silent"]
 _WORDS: dict[Why, tuple[str, str]] = {
@@ -56,10 +56,9 @@ class Selection:
         for why, (what, because) in _WORDS.items():
             names = [r.name for r, reason in self.left_out if reason == why]
             if names:
-                listed = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
                 runs = "recording" if len(names) == 1 else "recordings"
                 counted = f"{len(names)} {what} {runs}" if why == "duplicate" else f"{len(names)} {runs} {what}"
-                found.append(f"{counted} left out{because} ({listed})")
+                found.append(f"{counted} left out{because} ({listed(names)})")
         return found
 
     def require(self) -> RecordingSet:

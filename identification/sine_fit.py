@@ -13,7 +13,7 @@ one variance, and with K blocks that variance has 2(K - 1) degrees of freedom.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from math import ceil, degrees, floor, inf, pi
 
@@ -22,6 +22,7 @@ import numpy.typing as npt
 from scipy import stats
 
 from flexdrive_gym.recording import BoolArray, FloatArray
+from flexdrive_gym.units import measured_in
 
 # more blocks than this say no more about the spread, and long blocks keep slow colour inside
 _MOST_BLOCKS = 10
@@ -50,10 +51,10 @@ class SineFit:
     """
 
     amplitude: float
-    phase_deg: float
+    phase_deg: float = field(metadata=measured_in(""))
     offset: float
     amplitude_ci: tuple[float, float]
-    phase_ci: tuple[float, float]
+    phase_ci: tuple[float, float] = field(metadata=measured_in(""))
     residual_rms: float
     n: int
     periods: int

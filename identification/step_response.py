@@ -234,9 +234,10 @@ def _require_two(used: Sequence[AmplitudeReading], amplitudes: Sequence[Amplitud
     have = (
         ", ".join(f"±{units.text(a.amplitude, 'V')}" + ("" if a.steady else " (stops)") for a in amplitudes) or "none"
     )
+    two = "±1.5 V and ±2 V at 0.5 Hz" if units.lab else "two amplitudes"
     raise ValueError(
         "recordings: Eq. (5) needs square waves of at least two amplitudes at which the carts keep moving for two or more "
-        f"reversals; got {have}. Record ±1.5 V and ±2 V at 0.5 Hz, or larger amplitudes where the carts stop."
+        f"reversals; got {have}. Record {two}, or larger amplitudes where the carts stop."
     )
 
 

@@ -79,6 +79,7 @@ class Topology:
 
 
 _SECOND = frozenset({"cart_2", "spring", "encoder_2"})
+_FILTER = "velocity_processing"
 CART = Topology("one cart", 1, ("m1", "b1", "d1"))
 TWO_CARTS = Topology("two carts and a spring", 2, ("m1", "m2", "b1", "b2", "k", "d1", "d2"))
 
@@ -91,16 +92,16 @@ def grounded(name: str, start: Mapping[str, float]) -> Topology:
 def topology_of(recordings: Sequence[Recording]) -> Topology:
     """Return the topology that the channels of the recordings tell: two carts where the second one is seen in every run.
 
-    A rig description that came with them has the last word on the number of carts, and adds the effects that it knows.
+    A rig description that came with them has the last word on the number of carts, and adds the effects that it knows. Velocities
+    that were not made from a position as far as the recordings tell have passed a filter, which is part of the model, too.
     """
     seen = [r.v2 is not None or r.x2 is not None for r in recordings]
     told = TWO_CARTS if seen and all(seen) else CART
     rig: Rig | None = getattr(recordings, "rig", None)
-    if rig is None:
-        return told
-    if rig.carts is not None:
+    if rig is not None and rig.carts is not None:
         told = TWO_CARTS if rig.carts == 2 else CART
-    return with_known(told, rig.known)
+    filtered = any(r.velocity_cutoff is None and (r.v1 is not None or r.v2 is not None) for r in recordings)
+    return with_known(told, (*(() if rig is None else rig.known), *((_FILTER,) if filtered else ())))
 
 
 def with_known(topology: Topology, known: Sequence[str]) -> Topology:

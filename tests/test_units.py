@@ -1,6 +1,6 @@
 """Units: what a rig's owner reads is the engine's figure in other units, and files give back what went in."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -9,6 +9,7 @@ from flexdrive_gym import Covariance, Drive, Recording, load_drive, save_drive
 from flexdrive_gym.drive.drive import Recorded
 from flexdrive_gym.recording import Excitation, Fault
 from flexdrive_gym.units import LAB, Units, in_rig_units, measured_in
+from tests.drive.drives import RIG
 from tests.each import each
 
 METRES = Units("m", "V", per_length=1000.0)
@@ -151,3 +152,21 @@ def test_a_whole_result_in_the_rigs_units():
 
 def test_labels_are_renamed_in_brackets_only():
     assert ROTARY.label("peak [mm] of Lab 4 at V, [V/mm]") == "peak [rad] of Lab 4 at V, [N m/rad]"
+
+
+def test_a_recording_on_another_scale_is_the_same_motion():
+    scale = Units("rad", "N m", per_length=20.0, per_command=0.5, per_time=2.0)
+    drive = Drive({**RIG, **{f"encoder_quantisation.encoder_{i}.quantum": 0.01 for i in (1, 2)}}, units=scale)
+    t = np.arange(1000) * 1e-3
+    run = replace(
+        drive.simulate(t, 2.0 * np.sign(np.sin(8.0 * t + 1e-9))), excitation=Excitation("square", 2.0, 4.0 / np.pi)
+    )
+    other = run.rescaled(ROTARY)
+    assert other.units == ROTARY
+    # seen by the rig's owner it is what it was
+    for name in ("t", "u", "x1", "v2"):
+        np.testing.assert_allclose(getattr(other.in_rig_units(), name), getattr(run.in_rig_units(), name))
+    assert other.excitation.text(ROTARY) == run.excitation.text(scale)
+    # and the drive on that scale makes it again
+    again = drive.rescaled(ROTARY).simulate(other.t, other.u)
+    np.testing.assert_allclose(again.x2, other.x2, atol=2.0 * other.quantum[1])

@@ -27,7 +27,7 @@ Recordings = Annotated[
     list[Path],
     typer.Argument(
         exists=True,
-        help="Folder (searched recursively) or files: .csv, .csv.gz, .mat.",
+        help="Folder (searched recursively) or files: text, .mat, .parquet.",
         metavar="RECORDINGS...",
     ),
 ]

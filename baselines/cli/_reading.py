@@ -43,10 +43,10 @@ def skipped_lines(found: RecordingSet) -> list[str]:
     """Return what to say of files that were left out; nothing where none was."""
     if not found.skipped:
         return []
-    lines = [f"{found.summary()}:"]
-    lines += [f"  {item.file}: {item.reason}" for item in found.skipped[:_SHOWN]]
-    more = len(found.skipped) - _SHOWN
-    return [*lines, *([f"  … and {more} more; 'flexdrive check' lists all"] if more > 0 else [])]
+    from identification.recordings.recording_set import reasons  # noqa: PLC0415
+
+    lines = reasons(found.skipped, _SHOWN, "; 'flexdrive check' lists all")
+    return [f"{found.summary()}:", *(f"  {line}" for line in lines)]
 
 
 def skipped_json(found: Sequence[Recording]) -> list[dict[str, Any]]:

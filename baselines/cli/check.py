@@ -30,6 +30,7 @@ def check(
     """Say what recordings are and what they can identify, before anything is fitted."""
     from identification import check as run  # noqa: PLC0415
     from identification.readiness.describe import write_description  # noqa: PLC0415
+    from identification.recordings.recording_set import reasons  # noqa: PLC0415
 
     with progress() as bar:
         task = bar.add_task("reading recordings", total=2)
@@ -44,8 +45,8 @@ def check(
         print_json(found.as_json() | ({} if output is None else {"rig": output}))
         return
     say(runs.summary())
-    for item in runs.skipped:
-        say(f"  {item.file}: {item.reason}")
+    for line in reasons(runs.skipped):
+        say(f"  {line}")
     for title, columns, rows in found.tables():
         table(title, columns, rows)
     for line in found.sentences():

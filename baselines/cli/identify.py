@@ -57,6 +57,7 @@ def identify(
     from identification.likelihood import identify_by_likelihood  # noqa: PLC0415
     from identification.quantities import HANDOUT_RATIOS  # noqa: PLC0415
     from identification.recordings.faults import gathered  # noqa: PLC0415
+    from identification.recordings.recording_set import notes_of  # noqa: PLC0415
     from identification.selection import select  # noqa: PLC0415
 
     result_file(output)
@@ -75,17 +76,18 @@ def identify(
         checked = check(runs, folders=recordings, fit=own, threads=threads)
         bar.update(task, advance=1)
     save_drive(found.drive, output)
-    remarks = [f"{r.name}: {note}" for r in runs for note in r.notes]
+    alarms, remarks = notes_of(runs)
     remarks += [
         f"{r.name}: {f.where} {f.id}, {f.start_s:.3f} to {f.end_s:.3f} s{f' ({f.note})' if f.note else ''}, left out"
         for r in runs
         for f in gathered(r.faults)
     ]
     if json:
-        result = _as_json(found, tied, output) | {"recording_notes": remarks, "skipped": skipped_json(runs)}
+        notes = [f"{r.name}: {note}" for r in runs for note in r.notes]
+        result = _as_json(found, tied, output) | {"recording_notes": notes, "skipped": skipped_json(runs)}
         print_json(result | {"ready": checked.ready, "check": checked.remarks()})
         return
-    for line in [*skipped_lines(runs), *checked.remarks()]:
+    for line in [*skipped_lines(runs), *checked.remarks(), *(f"warning: {text}" for text in alarms)]:
         say(line)
     for title, columns, rows in checked.tables()[2:]:
         table(title, columns, rows)
@@ -100,6 +102,7 @@ def _as_json(found: Identification, tied: MaximumLikelihood | None, output: Path
         "drive": output,
         "method": found.method,
         "quantities": {name: q.of_rig(units) for name, q in found.quantities.items()},
+        "effects": {name: q.of_rig(units) for name, q in found.effects.items()},
         "notes": found.result.notes,
     }
     speed = units.one("mm/s")
@@ -132,6 +135,7 @@ def _print(found: Identification, tied: MaximumLikelihood | None, output: Path, 
     rows = {name: q.of_rig(units) for name, q in found.quantities.items()}
     if isinstance(result, MaximumLikelihood):
         rows |= dict(result.ratios)
+    rows |= {name: q.of_rig(units) for name, q in found.effects.items()}
     table(
         f"identified by {'the handout' if found.method == 'handout' else 'maximum likelihood'}",
         ["quantity", "value", "standard error" if found.method == "handout" else "95 % interval", "unit", "how"],

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from baselines.cli._output import Json, print_json, say
-from baselines.cli._reading import RigFile
+from baselines.cli._reading import Only, RigFile, Skip, Strict
 
 
 def lab(
@@ -20,6 +20,9 @@ def lab(
         ),
     ] = None,
     rig: RigFile = None,
+    strict: Strict = False,
+    only: Only = None,
+    skip: Skip = None,
     port: Annotated[int, typer.Option(min=1, max=65535, help="TCP port.")] = 8080,
     host: Annotated[
         str, typer.Option(help="Address to listen on; anything but 127.0.0.1 lets other machines in.")
@@ -37,12 +40,13 @@ def lab(
         raise ValueError(
             "lab: the page needs NiceGUI; got no such package. Run: pip install 'flexdrive[lab]'"
         ) from error
+    from baselines.lab.lab_scale import on_lab_scale  # noqa: PLC0415
     from baselines.lab_page.session import BUNDLED, Lab  # noqa: PLC0415
     from flexdrive_gym import DEFAULT_DRIVE, load_drive  # noqa: PLC0415
 
     given = shown or []
     drives = [p for p in given if p.suffix == ".toml"]
-    found = {f"drive{i + 1}": load_drive(path) for i, path in enumerate(drives)}
+    found = {f"drive{i + 1}": on_lab_scale(load_drive(path)) for i, path in enumerate(drives)}
     if host not in LOOPBACK_NAMES:
         print(
             f"flexdrive: --host {host} lets every machine that reaches it use this page, run computations here and see what is "
@@ -59,4 +63,7 @@ def lab(
     else:
         say(f"the lab is at http://{host}:{port}/ (Ctrl-C ends it)")
     recordings = tuple(p for p in given if p.suffix != ".toml")
-    serve(Lab(found | {BUNDLED: DEFAULT_DRIVE}, recordings, rig, exercise), host=host, port=port, browser=browser)
+    given_to = Lab(
+        found | {BUNDLED: DEFAULT_DRIVE}, recordings, rig, exercise, strict=strict, only=only or (), skip=skip or ()
+    )
+    serve(given_to, host=host, port=port, browser=browser)

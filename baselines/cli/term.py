@@ -11,7 +11,7 @@ import typer
 
 from baselines.cli._command import MOST_SEED, MOST_THREADS, jobs_given
 from baselines.cli._output import Json, number, print_json, progress, say, table
-from baselines.cli._reading import RigFile
+from baselines.cli._reading import Only, RigFile, Skip, Strict
 from baselines.cli._results import interrupted_says
 
 if TYPE_CHECKING:
@@ -74,6 +74,9 @@ def term(
     ] = None,
     recordings: Annotated[int, typer.Option(min=1, max=10_000, help="Recordings of a group, for the plan.")] = 20,
     rig: RigFile = None,
+    strict: Strict = False,
+    only: Only = None,
+    skip: Skip = None,
     json: Json = False,
 ) -> None:
     """Put a term on one page: every group checked, identified and diagnosed, who stands out, what changed since the last term.
@@ -89,7 +92,8 @@ def term(
     from flexdrive_gym.files import only_writer, write_atomically  # noqa: PLC0415
 
     groups, notes = find_groups(folders, terms)
-    settings = Settings(diagnose, draws, seed, "" if rig is None else rig.read_text(encoding="utf-8"))
+    described = "" if rig is None else rig.read_text(encoding="utf-8")
+    settings = Settings(diagnose, draws, seed, described, strict=strict, only=tuple(only or ()), skip=tuple(skip or ()))
 
     def kept() -> str:
         done = len(list(kept_in(output).glob("*.json")))

@@ -31,6 +31,7 @@ def validate(
 ) -> None:
     """Compare a drive with recordings (3.3, 3.4): fit per recording against the floor, frequency response, overlays."""
     from flexdrive_gym import load_drive  # noqa: PLC0415
+    from flexdrive_gym.units import in_rig_units  # noqa: PLC0415
     from identification import validate as run  # noqa: PLC0415
     from identification.frequency_response import measure_frequency_response  # noqa: PLC0415
 
@@ -55,7 +56,7 @@ def validate(
                 **({"rms_mm_s": result.rms, "floor_mm_s": result.floor} if units.lab else {}),
                 "per_recording": fits,
                 "notes": result.notes,
-                "frequency_response": None if response is None else response.rows,
+                "frequency_response": None if response is None else in_rig_units(response.rows, units),
                 "files": files,
                 "skipped": skipped_json(runs),
             }
@@ -66,7 +67,7 @@ def validate(
     for line in skipped_lines(runs):
         say(line)
     table(
-        f"{model.name} against {len(runs)} recordings",
+        f"{model.name} against {len(result.overlays)} recording{'' if len(result.overlays) == 1 else 's'}",
         ["recording", "channel", "rms", "floor", "unit", "NRMSE fit", "VAF", "how"],
         [
             [

@@ -7,24 +7,14 @@ from typing import Literal
 import numpy as np
 
 from baselines.lab_page import texts
-from baselines.lab_page.chart import Axis, Chart, series
+from baselines.lab_page.chart import Axis, Chart, Colour, series
 from flexdrive_gym import Drive, Recording
 from flexdrive_gym.recording import FloatArray
+from identification.validation import simulate_recording
 
 Signal = Literal["v1", "v2", "x1", "x2"]
 # points of a line: more than a screen has pixels
 _MOST = 1800
-
-
-def simulated(drive: Drive, recording: Recording, signal: Signal) -> FloatArray | None:
-    """Return a signal of the drive under the recorded command, ndarray, shape (n,); ``None`` where the drive has none."""
-    t = np.arange(recording.n) * recording.sample_time
-    run = drive.simulate(t, recording.u)
-    values: FloatArray | None = getattr(run, signal)
-    if values is not None and signal[0] == "x":
-        measured = getattr(recording, signal)
-        values = values + float(measured[0]) if measured is not None else values
-    return values
 
 
 def overlay(
@@ -62,14 +52,15 @@ def overlay(
     if len(chosen) < 2:
         chosen = np.arange(recording.n)
     thin = chosen[:: max(1, len(chosen) // _MOST)]
-    colour = "x1" if signal[1] == "1" else "x2"
+    colour: Colour = "x1" if signal[1] == "1" else "x2"
     lines = [series(t[thin], measured[thin] / size, "soft", name=f"{signal} {texts.MEASURED}", width=1.2)]
-    rms = None
-    model = None if drive is None else simulated(drive, recording, signal)
+    rms, how = None, ""
+    model: FloatArray | None = None
+    if drive is not None:
+        run, how = simulate_recording(drive, recording)
+        model = getattr(run, signal)
     if model is not None:
-        lines.append(
-            series(t[thin], model[thin] / size, "x1" if colour == "x1" else "x2", name=f"{signal} {texts.SIMULATED}")
-        )
+        lines.append(series(t[thin], model[thin] / size, colour, name=f"{signal} {texts.SIMULATED}, {how}"))
         good = recording.valid(signal)[chosen]
         difference = (measured - model)[chosen][good] / size
         rms = float(np.sqrt(np.mean(difference**2))) if len(difference) else None

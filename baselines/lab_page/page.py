@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from nicegui import background_tasks, ui
 
+from baselines.lab.lab_scale import on_lab_scale
 from baselines.lab_page import loop_curves, texts
 from baselines.lab_page.chart import Chart
 from baselines.lab_page.controller_files import read_controller
@@ -151,7 +152,7 @@ class Page:
 
     def add_drive(self, key: str, drive: Drive) -> None:
         """Offer a drive and show it."""
-        self.session.add_drive(key, drive)
+        self.session.add_drive(key, on_lab_scale(drive))
         self._design.clear()
         self.change(self.session.settings.replace(drive=key, effects={}))
         self.offer()
@@ -165,6 +166,7 @@ class Page:
         self._number += 1
         self.control.follow()
         self.physics.follow()
+        self.guide.follow()
         background_tasks.create(self._update(self._number), name="lab update")
 
     async def _update(self, number: int) -> None:

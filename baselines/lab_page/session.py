@@ -42,12 +42,17 @@ class Lab:
         Description of their columns.
     exercise
         Whether the page opens with the exercise.
+    strict, only, skip
+        How the recordings to begin with are read; what visitors bring is read whole.
     """
 
     drives: Mapping[str, Drive] = field(default_factory=lambda: {BUNDLED: DEFAULT_DRIVE})
     recordings: Sequence[Path] = ()
     rig: Path | None = None
     exercise: bool = False
+    strict: bool = False
+    only: Sequence[str] = ()
+    skip: Sequence[str] = ()
 
 
 class Session:

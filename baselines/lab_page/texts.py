@@ -166,7 +166,6 @@ UPLOAD_FAILED = "{name} was not taken: {reason}"
 FORGET = "Forget all recordings"
 NOTHING_READ = "No recording yet."
 UNREADABLE = "{file}: {reason}"
-HOW_MANY = "{count} recordings, {skipped} files left out"
 CHECKING = "Checking …"
 READY, NOT_READY = "Enough to identify the drive.", "Not enough to identify the drive."
 IDENTIFY = "Identify"
@@ -211,7 +210,7 @@ MISSING_STEPS = "Record 2.1, 2.5 and 2.6 at least; the report identifies the dri
 STEPS = {
     "2.1": (
         "2.1 Non-collocated P-control, stable",
-        "Feedback from x2 with Kp = 0.05 V/mm. The second cart follows with a lag and rests where friction lets it.",
+        "Feedback from x2 with Kp = {gain}. The second cart follows with a lag and rests where friction lets it.",
     ),
     "2.2": (
         "2.2 Critically stable",
@@ -222,8 +221,11 @@ STEPS = {
         "2.4 Collocated",
         "The same gain, fed back from x1: stable, for the motor cart's phase never reaches −180°.",
     ),
-    "2.5": ("2.5 Step response", "Open loop, squares of ±1.5 V and ±2 V at 0.5 Hz. One button records both."),
-    "2.6": ("2.6 Frequency response", "Open loop, sines of ±2.5 V from 0.5 to 20 Hz. One button records all fourteen."),
+    "2.5": ("2.5 Step response", "Open loop, squares of ±{low} and ±{high} at {slow}. One button records both."),
+    "2.6": (
+        "2.6 Frequency response",
+        "Open loop, sines of ±{sine} from {slow} to {fast}. One button records all fourteen.",
+    ),
 }
 RECORD_ALL_SINES = "Record all fourteen sines"
 

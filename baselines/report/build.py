@@ -77,7 +77,7 @@ def _subtitle(found: Findings) -> str:
 
 
 def _summary(found: Findings) -> list[str]:
-    fit, drive, units = found.fit, found.likely.drive, found.likely.drive.units
+    fit, units = found.fit, found.likely.drive.units
     floor = (
         "The floor, what differs between repetitions and so cannot be explained by a model, is "
         f"{units.text(found.validation.floor, 'mm/s', 3)}."
@@ -96,7 +96,7 @@ def _summary(found: Findings) -> list[str]:
             f"by {improvement(found.tied, fit):.0%}: {ratios}."
         )
     if "x2" in found.limits:
-        lines.append(explain(drive, found.limits["x2"]) + parts.measured_limit(found.observed, units))
+        lines.append(explain(found.task, found.limits["x2"]) + parts.measured_limit(found.observed, found.task.units))
     faults = [f for r in found.recordings for f in r.faults if f.id != "saturation"]
     lines.append(
         f"{len(faults)} data faults were found and masked; they are listed at the end."

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.ticker import LogLocator
 
 from baselines.loop_analysis.loops import loop_response, response
 from flexdrive_gym import Drive, LinearController, LinearDrive, Recording
@@ -318,6 +319,9 @@ def plot_overview(results: Sequence[Result], named: Sequence[Result]) -> Figure:
         axes.set_xscale(**_logarithmic(values))
     for axis in (margin.yaxis, margin.xaxis):
         axis.set_major_formatter("{x:g}")
+        if axis.get_scale() == "log":
+            # no closer, so that the numbers of several decades stay apart
+            axis.set_minor_locator(LogLocator(subs=(2.0, 3.0, 5.0)))
         axis.set_minor_formatter("{x:g}")
     margin.tick_params(axis="both", which="minor", labelsize=7)
     figure.legend(loc="outside lower center", ncols=5)

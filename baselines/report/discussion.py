@@ -171,9 +171,9 @@ def time_domain_observations(validation: Validation, drive: Drive) -> list[str]:
     worst, best = max(fits, key=lambda f: f.rms), min(fits, key=lambda f: f.rms)
     ratio = [f.rms / f.floor for f in fits if np.isfinite(f.floor) and f.floor > 0.0]
     first = (
-        f"The simulation follows {best.channel} best ({best.recording}: rms {units.text(best.rms, 'mm/s', 3)}, VAF "
+        f"The simulation follows {best.channel} best ({best.recording}: rms {units.text(best.rms, best.unit, 3)}, VAF "
         f"{best.vaf:.1%}) and "
-        f"{worst.channel} worst ({worst.recording}: {units.text(worst.rms, 'mm/s', 3)}, VAF {worst.vaf:.1%})."
+        f"{worst.channel} worst ({worst.recording}: {units.text(worst.rms, worst.unit, 3)}, VAF {worst.vaf:.1%})."
     )
     second = (
         f"What remains is {np.median(ratio):.1f} times (median) what differs between one period and the next of the same "
@@ -181,16 +181,18 @@ def time_domain_observations(validation: Validation, drive: Drive) -> list[str]:
         if ratio
         else "No period repeats, so there is no floor to compare the rest with."
     )
+    oscillates = f" The simulated oscillation has ωd = {units.text(drive.linear.omega_d, 'rad/s', 3)}."
     third = (
         f"The residual is {'white' if min(f.whiteness for f in fits) > 0.01 else 'coloured'} in the Ljung-Box test; "
-        f"in {sum(f.input_correlation > 1.0 for f in fits)} of {len(fits)} channels the command still explains part of it. "
-        f"The simulated oscillation has ωd = {drive.linear.omega_d:.1f} rad/s."
+        f"in {sum(f.input_correlation > 1.0 for f in fits)} of {len(fits)} channels the command still explains part of it."
+        + (oscillates if drive.carts == 2 else "")
     )
     return [first, second, third]
 
 
 def frequency_domain_observations(table: FrequencyTable, drive: Drive, cart: int) -> list[str]:
     """State two observations on theoretical against measured frequency response (3.4)."""
+    units = drive.units
     points = [(row.frequency, row.cart(cart)) for row in table.rows]
     clear = [(f, c.gain, c.phase_deg) for f, c in points if c is not None and c.phase_deg is not None]
     if not clear:
@@ -211,8 +213,8 @@ def frequency_domain_observations(table: FrequencyTable, drive: Drive, cart: int
     return [
         first,
         (
-            f"The gain differs most at {f[i]:g} Hz (factor {ratio[i]:.2f}) and the phase at {f[j]:g} Hz "
-            f"({difference[j]:+.0f}°)."
+            f"The gain differs most at {units.text(f[i], 'Hz')} (factor {ratio[i]:.2f}) and the phase at "
+            f"{units.text(f[j], 'Hz')} ({difference[j]:+.0f}°)."
         ),
     ]
 

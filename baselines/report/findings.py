@@ -6,8 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from baselines.lab.lab_scale import on_lab_scale
 from baselines.loop_analysis.stability_limit import ObservedLimit, StabilityLimit, observed_limit, stability_limit
-from flexdrive_gym import Recording
+from flexdrive_gym import Drive, Recording
 from identification import Identification, Validation, identify, validate
 from identification.frequency_response import FrequencyTable, measure_frequency_response
 from identification.likelihood import MaximumLikelihood, identify_by_likelihood
@@ -34,10 +35,12 @@ class Findings:
         Of ``likely``'s drive, and of the handout's where there is one, on every recording.
     table
         Measured frequency response, or ``None`` without sines.
+    task
+        The identified drive on the scale of the laboratory's tasks, :func:`~baselines.lab.lab_scale.on_lab_scale`.
     limits
-        Stability limits per feedback.
+        Stability limits of it per feedback.
     observed
-        What the recorded P-control runs say of the limit.
+        What the recorded P-control runs, on that scale, say of the limit.
     """
 
     recordings: tuple[Recording, ...]
@@ -47,8 +50,14 @@ class Findings:
     validation: Validation
     handout_validation: Validation | None
     table: FrequencyTable | None
+    task: Drive
     limits: dict[str, StabilityLimit]
     observed: ObservedLimit
+
+    @property
+    def task_runs(self) -> tuple[Recording, ...]:
+        """The recordings on the scale of the laboratory's tasks."""
+        return tuple(r.rescaled(self.task.units) for r in self.recordings)
 
     @property
     def fit(self) -> MaximumLikelihood:
@@ -85,7 +94,7 @@ def find(recordings: Sequence[Recording], progress: Progress = lambda _: None) -
     table = measure_frequency_response(sines) if sines else None
     progress("stability limit")
     feedbacks: tuple[Literal["x1", "x2"], ...] = ("x1", "x2") if two else ("x1",)
-    limits: dict[str, StabilityLimit] = {f: stability_limit(likely.drive, f) for f in feedbacks}
-    return Findings(
-        tuple(recordings), handout, likely, tied, validation, by_handout, table, limits, observed_limit(recordings)
-    )
+    task = on_lab_scale(likely.drive)
+    limits: dict[str, StabilityLimit] = {f: stability_limit(task, f) for f in feedbacks}
+    observed = observed_limit([r.rescaled(task.units) for r in recordings])
+    return Findings(tuple(recordings), handout, likely, tied, validation, by_handout, table, task, limits, observed)

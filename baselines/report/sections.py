@@ -60,8 +60,8 @@ def p_control_section(found: Findings) -> Section:
     from identification.plots import plot_recording  # noqa: PLC0415  (matplotlib)
 
     section = Section("P-control (2.1–2.4)", "p-control")
-    runs = [r for r in found.recordings if r.closed_loop and r.x2 is not None and r.excitation.gain is not None]
-    drive = found.likely.drive
+    runs = [r for r in found.task_runs if r.closed_loop and r.x2 is not None and r.excitation.gain is not None]
+    drive = found.task
     if drive.carts == 1:
         section.text("There is no second cart to control.")
         return section
@@ -125,7 +125,7 @@ def step_responses(found: Findings) -> Section:
         same = sum(round(q.excitation.amplitude, 2) == amplitude for q in squares)
         section.figure(
             plot_recording(r),
-            f"{r.name}: square of ±{units.text(amplitude, 'V')}, {r.excitation.frequency:g} Hz"
+            f"{r.name}: square of ±{units.text(amplitude, 'V')}, {units.text(r.excitation.frequency, 'Hz')}"
             + (f" (one of {same} replicates)" if same > 1 else ""),
         )
     return section
@@ -155,12 +155,12 @@ def _quantity_rows(found: Findings) -> list[tuple[str, ...]]:
         "gamma": "γ = d2/d1",
     }
     handout = found.handout.quantities if isinstance(found.handout, Identification) else {}
-    rows: list[tuple[str, ...]] = []
+    units, rows = found.likely.drive.units, list[tuple[str, ...]]()
 
     def cell(q: Quantity | None) -> str:
-        return "–" if q is None else f"{q.value:.4g}"
+        return "–" if q is None else f"{q.of_rig(units).value:.4g}"
 
-    for name, q in {**found.fit.quantities, **found.fit.ratios}.items():
+    for name, q in {**found.fit.quantities, **found.fit.ratios, **found.likely.effects}.items():
         told = (
             cell(handout.get(name))
             if name in handout
@@ -169,8 +169,9 @@ def _quantity_rows(found: Findings) -> list[tuple[str, ...]]:
             else "–"
         )
         tied = {**found.tied.quantities, **found.tied.ratios}.get(name) if found.tied is not None else None
-        bounds = f"{q.ci95[0]:.4g} … {q.ci95[1]:.4g}" if q.ci95 is not None else "assumed"
-        rows.append((symbols.get(name, name), q.unit, told, cell(tied), cell(q), bounds))
+        own = q.of_rig(units)
+        bounds = f"{own.ci95[0]:.4g} … {own.ci95[1]:.4g}" if own.ci95 is not None else "assumed"
+        rows.append((symbols.get(name, name), own.unit, told, cell(tied), cell(q), bounds))
     return rows
 
 
@@ -247,7 +248,8 @@ def time_domain(found: Findings) -> Section:
     for overlay in _one_per_amplitude(found.validation):
         section.figure(plot_validation(overlay.measured, overlay.simulated), _overlay_caption(overlay))
     section.items(discussion.time_domain_observations(found.validation, found.likely.drive))
-    fits = sorted(found.validation.fits(), key=lambda f: (words.by_number(f.recording), f.channel))
+    rows = (f.of_rig(units) for f in found.validation.fits())
+    fits = sorted(rows, key=lambda f: (words.by_number(f.recording), f.channel))
     section.table(
         ("recording", "channel", "rms", "floor", "unit", "NRMSE fit", "VAF", "autocorrelated", "input correlation"),
         [
@@ -292,7 +294,7 @@ def _one_per_amplitude(validation: Validation) -> list[Overlay]:
 
 def _overlay_caption(overlay: Overlay) -> str:
     units = overlay.measured.units
-    fits = "; ".join(f"{f.channel} rms {units.text(f.rms, 'mm/s', 3)}, VAF {f.vaf:.1%}" for f in overlay.fits)
+    fits = "; ".join(f"{f.channel} rms {units.text(f.rms, f.unit, 3)}, VAF {f.vaf:.1%}" for f in overlay.fits)
     return f"{overlay.measured.name}: measured and simulated. {fits}."
 
 
@@ -318,6 +320,9 @@ def frequency_domain(found: Findings) -> Section:
         section.heading("Maximum likelihood")
     drive = found.likely.drive
     amplitude = found.table.amplitude
+    if drive.carts == 1:
+        section.text("The handout's Bode plots are about two carts.")
+        return section
     for cart, figure in enumerate(plot_bode(drive.linear, found.table, drive, amplitude), start=1):
         section.figure(
             figure,
@@ -334,11 +339,12 @@ def stability(found: Findings) -> Section:
     from identification.plots import plot_pole_zero  # noqa: PLC0415
 
     section = Section("Poles, zeros and the stability limit", "stability")
-    drive = found.likely.drive
-    section.figure(
-        plot_pole_zero(drive.linear),
-        "Pole-zero maps (Figure 3): (a) collocated G1, (b) non-collocated G2, identified drive.",
-    )
+    drive = found.task
+    if drive.carts == 2:
+        section.figure(
+            plot_pole_zero(drive.linear),
+            "Pole-zero maps (Figure 3): (a) collocated G1, (b) non-collocated G2, identified drive.",
+        )
 
     units, one = drive.units, drive.units.one("V/mm")
 

@@ -16,14 +16,16 @@ from typing import Any
 
 import numpy as np
 
+from baselines.lab.lab_scale import on_lab_scale
 from baselines.lab.uncertainty import predict
-from baselines.loop_analysis.stability_limit import observed_limit
+from baselines.loop_analysis.stability_limit import ObservedLimit, observed_limit
 from baselines.term.copies import fingerprint
 from baselines.term.evidence import run_evidence
 from baselines.term.groups import Parcel, rig_file
 from flexdrive_gym import Drive, Recording
 from flexdrive_gym.drive.parameters import parameter
 from flexdrive_gym.drive.toml import dumps
+from flexdrive_gym.units import Units
 from identification import check, diagnose, identify, read_recordings
 from identification.readiness.plausible import implausible
 from identification.readiness.sessions import sessions_of
@@ -51,12 +53,19 @@ class Settings:
         Of the diagnosis and the draws.
     rig
         Text of a ``rig.toml`` for hand-ins without one.
+    strict
+        Whether a file that cannot be read makes its group a row with a reason.
+    only, skip
+        Patterns of the files of a hand-in.
     """
 
     diagnose: bool = True
     draws: int = 100
     seed: int = 0
     rig: str = ""
+    strict: bool = False
+    only: tuple[str, ...] = ()
+    skip: tuple[str, ...] = ()
 
 
 @dataclass
@@ -88,14 +97,15 @@ def examine(parcel: Parcel, settings: Settings) -> dict[str, Any]:
     depend on where.
     """
     row, begin, busy = _Row(), time.perf_counter(), time.process_time()
-    passing = False
+    passing, name = False, ""
     try:
         with tempfile.TemporaryDirectory(prefix="flexdrive-") as name:
             _examine(parcel, settings, Path(name), row)
         status, reason = "ok", ""
     # whatever is wrong with one group must not stop the others
     except Exception as error:  # noqa: BLE001
-        status, reason = "skipped", _one_line(error)
+        # where the hand-in was laid out says nothing to whoever reads the row
+        status, reason = "skipped", _one_line(error).removeprefix(f"{name}: ")
         # nothing that the hand-in can do about it: it is examined again next time
         passing = isinstance(error, MemoryError | OSError)
     cost = {
@@ -123,7 +133,7 @@ def _examine(parcel: Parcel, settings: Settings, folder: Path, row: _Row) -> Non
         }
         runs, signs = mended(runs)
         row.found["signs"] = signs
-        row.found["critical_gain"] = {"predicted": {}, "reached": asdict(observed_limit(runs))}
+        row.found["critical_gain"] = {"predicted": {}, "reached": asdict(ObservedLimit(None, None))}
     with row.step("identifying", needed=True):
         fit = identify(runs, threads=1)
         drive = fit.drive
@@ -133,6 +143,7 @@ def _examine(parcel: Parcel, settings: Settings, folder: Path, row: _Row) -> Non
             "rms": getattr(fit.result, "rms", math.nan) / drive.units.one("mm/s"),
             "drive": dumps(drive),
         }
+        row.found["critical_gain"]["reached"] = _reached(runs, on_lab_scale(drive).units)
     with row.step("weighing runs"):
         names, evidence = run_evidence(drive, select(runs).usable, sessions)
         row.found |= {"evidence_of": list(names), "evidence": [e.as_json() for e in evidence]}
@@ -161,7 +172,7 @@ def _read(parcel: Parcel, settings: Settings, folder: Path, row: _Row) -> Record
         described.write_text(settings.rig, encoding="utf-8")
     if refused and not any(p.is_file() and p != described for p in folder.rglob("*")):
         raise ValueError("; ".join(f"{item['file']}: {item['reason']}" for item in skipped))
-    runs = read_recordings(folder, rig=described)
+    runs = read_recordings(folder, rig=described, strict=settings.strict, only=settings.only, skip=settings.skip)
     skipped += [{"file": s.file, "reason": s.reason} for s in runs.skipped]
     return runs
 
@@ -220,6 +231,7 @@ def _parameters(drive: Drive) -> dict[str, dict[str, Any]]:
 
 def _gains(drive: Drive, settings: Settings) -> dict[str, Any]:
     names = _GAINS if drive.carts == 2 else _COLLOCATED
+    drive = on_lab_scale(drive)
     predicted = predict(drive, names, draws=settings.draws, seed=settings.seed, threads=1)
     found = {}
     for name, p in predicted.items():
@@ -231,6 +243,12 @@ def _gains(drive: Drive, settings: Settings) -> dict[str, Any]:
             "extrapolated": of_rig.extrapolated,
         }
     return found
+
+
+def _reached(runs: Sequence[Recording], scale: Units) -> dict[str, float | None]:
+    """Return which gains from x2 held and grew, judged on the scale of the laboratory's tasks, in the rig's units."""
+    seen = asdict(observed_limit([r.rescaled(scale) for r in runs]))
+    return {name: None if gain is None else gain / scale.one("V/mm") for name, gain in seen.items()}
 
 
 def _fault(recording: Recording, fault: Any) -> dict[str, Any]:

@@ -11,9 +11,9 @@ from flexdrive_gym.recording import Fault, Recording
 from flexdrive_gym.units import Units
 from identification.experiment import WORDS, Experiment, Reference
 from identification.readiness.identifiability import READY, Identifiability, short
-from identification.readiness.sessions import HEAD_S, TOO_DEAR, Comparison
+from identification.readiness.sessions import HEAD_S, TOO_DEAR, Comparison, in_time
 from identification.recordings.faults import gathered
-from identification.recordings.recording_set import RecordingSet
+from identification.recordings.recording_set import RecordingSet, listed, notes_of, reasons
 from identification.selection import Selection
 
 _SHOWN = 12
@@ -137,8 +137,10 @@ class Check:
 
     @property
     def sessions(self) -> dict[str, int]:
-        """Session to its number of recordings, in order."""
-        return dict(Counter(item.session for item in self.recordings))
+        """Session to its number of recordings, the earliest first."""
+        counts = Counter(item.session for item in self.recordings)
+        names = in_time([item.recording for item in self.recordings], [item.session for item in self.recordings])
+        return {name: counts[name] for name in names}
 
     @property
     def blocking(self) -> list[str]:
@@ -150,7 +152,7 @@ class Check:
             reasons.append("the base model cannot be fitted")
         reasons += [w.split(":")[0] for w in self.warnings]
         if self.comparison is not None and self.comparison.cost > TOO_DEAR and self.comparison.differing:
-            reasons.append(f"{_listed(self.comparison.sessions)} are not one drive")
+            reasons.append(f"{listed(self.comparison.sessions)} are not one drive")
         if self.found is not None and self.found.unknown:
             reasons.append(f"{', '.join(self.found.unknown)} not known to within {READY:.0%}")
         return reasons
@@ -167,8 +169,10 @@ class Check:
         assert self.found is not None
         open_ = [short(n) for n, ok in self.found.determined.items() if not ok]
         rest = f"; not determined: {', '.join(open_)}" if open_ else "; every parameter is determined"
-        used = len(self.selection.usable)
-        return f"ready: {used} of {len(self.recordings)} recordings can be fitted{rest}"
+        closed = len(self.selection.usable) - self.found.available
+        kept = f" and {closed} in closed loop {'serves' if closed == 1 else 'serve'} validation" if closed else ""
+        of = f"{self.found.available} of {len(self.recordings)} recordings"
+        return f"ready: {of} can be fitted{kept}{rest}"
 
     def remarks(self) -> list[str]:
         """Return what identification and diagnosis should say before they go on."""
@@ -197,7 +201,7 @@ class Check:
     def __str__(self) -> str:
         """Return the report as text."""
         lines = [f"{self.read.summary()}{f' of {self.read.rig.name}' if self.read.rig.name else ''}"]
-        lines += [f"  {item.file}: {item.reason}" for item in self.read.skipped]
+        lines += [f"  {line}" for line in reasons(self.read.skipped)]
         for title, header, rows in self.tables():
             lines += ["", title, *_aligned(header, rows)]
         lines += ["", *self.sentences()]
@@ -238,8 +242,9 @@ class Check:
     @staticmethod
     def _title(found: Identifiability) -> str:
         part = "" if found.fitted >= found.available else f"; fitted to the first {HEAD_S:g} s of {found.fitted}"
-        taken = f"{found.used} of {found.available}" if found.used < found.available else f"all {found.available}"
-        return f"what {taken} usable recordings can identify{part}"
+        of = "recording" if found.available == 1 else f"{found.available} recordings"
+        taken = f"{found.used} of the {of}" if found.used < found.available else f"the {of}"
+        return f"what {taken} that can be fitted identif{'y' if found.available > 1 else 'ies'}{part}"
 
     def _parameters(self, found: Identifiability) -> list[list[str]]:
         from flexdrive_gym.drive.parameters import parameter  # noqa: PLC0415
@@ -254,12 +259,12 @@ class Check:
 
     def sentences(self) -> list[str]:
         """Return all that is said in sentences; whether the recordings are ready comes last."""
-        lines = [f"warning: {w}" for w in self.warnings]
+        alarms, notes = notes_of(item.recording for item in self.recordings)
+        lines = [f"warning: {w}" for w in (*self.warnings, *alarms)]
         lines += [f"note: {note}" for note in self.selection.notes]
         if self.selection.references:
             lines.append(f"note: {_reference_sentence(self.selection.references)}")
-        for note, names in _notes(self.recordings).items():
-            lines.append(f"note: {note} ({_listed(names)})")
+        lines += [f"note: {note}" for note in notes]
         if self.found is not None:
             lines += [f"trade-off: {text}" for text in self.found.trade_offs]
         if self.comparison is not None:
@@ -271,7 +276,7 @@ class Check:
 def _reference_sentence(references: Mapping[str, Reference]) -> str:
     gains = ", ".join(f"{r.channel} follows it with gain {r.gain:.2f}" for r in list(references.values())[:1])
     return (
-        f"what is called command in {_listed(list(references))} is a reference ({gains}), so these runs cannot "
+        f"what is called command in {listed(list(references))} is a reference ({gains}), so these runs cannot "
         f"be used as open "
         'loop: write into rig.toml [[files]] match = "…" and columns = { reference = "that column", u = "the column of the '
         'command" }, or use = false where no column holds the command'
@@ -280,19 +285,6 @@ def _reference_sentence(references: Mapping[str, Reference]) -> str:
 
 def _kinds(faults: Sequence[Fault]) -> list[Fault]:
     return list({(f.id, f.where): f for f in faults}.values())
-
-
-def _notes(recordings: Sequence[Understood]) -> dict[str, list[str]]:
-    """Return notes of the reader, each once with the recordings it is about."""
-    found: dict[str, list[str]] = {}
-    for item in recordings:
-        for note in item.recording.notes:
-            found.setdefault(note, []).append(item.recording.name)
-    return found
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
 
 
 def _compared(comparison: Comparison, units: Units) -> dict[str, Any]:

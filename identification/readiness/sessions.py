@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import timedelta
+from datetime import datetime, timedelta
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -100,6 +100,16 @@ def _by_folder(recordings: Sequence[Recording], root: str) -> list[str]:
     if len(set(tops)) > 1:
         return [top or "." for top in tops]
     return [root or "1"] * len(recordings)
+
+
+def in_time(recordings: Sequence[Recording], sessions: Sequence[str]) -> list[str]:
+    """Return each session once, the earliest first; those without a date as they were read, last."""
+    first: dict[str, datetime] = {}
+    for r, name in zip(recordings, sessions, strict=True):
+        if r.recorded is not None:
+            first[name] = min(r.recorded, first.get(name, r.recorded))
+    names = list(dict.fromkeys(sessions))
+    return [*sorted((n for n in names if n in first), key=lambda n: first[n]), *(n for n in names if n not in first)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,7 +240,7 @@ def compare_sessions(
     used = {c.recording for c in joint.channels}
     names = [
         s
-        for s in dict.fromkeys(sessions)
+        for s in in_time(recordings, sessions)
         if any(r.name in used for r, q in zip(recordings, sessions, strict=True) if q == s)
     ]
     if len(names) < 2:

@@ -80,9 +80,9 @@ def encoder_faults(recordings: Sequence[Recording], where: Encoder) -> tuple[lis
             )
             struck += jolted
         if placed[k]:
-            said.append(
-                f"{where}: {len(placed[k])} jolts come back at one place in several runs, as at a tooth: no fault"
-            )
+            one = len(placed[k]) == 1
+            what = "a jolt comes back" if one else f"{len(placed[k])} jolts come back"
+            said.append(f"{where}: {what} at one place in several runs, as at a tooth: no fault")
         if struck:
             said.append(f"{where}: {struck} jolts recur with the drive, as impacts in a gap do: no fault")
         faults.append(found + _dead(recording, where))

@@ -19,7 +19,7 @@ from identification.recordings.files import read_table
 from identification.recordings.folders import collect, short_names, wanted
 from identification.recordings.quantum import encoder_quantum, velocity_cutoff
 from identification.recordings.recognise import recognise_excitation
-from identification.recordings.recording_set import RecordingSet, Skipped
+from identification.recordings.recording_set import RecordingSet, Skipped, reasons
 from identification.recordings.rig import Rig, load_rig
 from identification.recordings.roles import find_roles
 from identification.recordings.scale import choose_units
@@ -185,16 +185,8 @@ def _nothing(
     """Return the error for a set without any recording, with every file's reason."""
     if len(files) == 1 and files[0].root is None and errors:
         return errors[0]
-    sources: dict[str, list[str]] = {}
-    for item in skipped.values():
-        sources.setdefault(item.reason, []).append(item.file)
-    lines = [
-        f"\n  {own[0]}{f' and {len(own) - 1} more' if len(own) > 1 else ''}: {reason}"
-        for reason, own in list(sources.items())[:MOST_REASONS]
-    ]
-    if len(sources) > MOST_REASONS:
-        lines.append(f"\n  and {sum(len(own) for own in list(sources.values())[MOST_REASONS:])} more files")
-    got = f"none in {len(files)} files. " if files else "no file that was asked for. "
+    lines = [f"\n  {line}" for line in reasons(skipped.values(), MOST_REASONS)]
+    got = f"none in {len(files)} file{'' if len(files) == 1 else 's'}. " if files else "no file that was asked for. "
     remedy = "A recording has columns such as t_s,u_V,v1_mm_s,v2_mm_s; a rig.toml says which columns of other names they are."
     return RecordingError(
         f"{_shown(paths)}: files: at least one must be a recording; got {got}{remedy}{''.join(lines)}"
@@ -277,7 +269,7 @@ def _filter_notes(filtered: tuple[str, ...], cutoff: float | None) -> tuple[str,
     if not filtered:
         return ()
     if cutoff is None:
-        return ("the cut-off of the velocities' filter is not known",)
+        return ("the cut-off of the velocities' filter is not known: it is fitted with the model",)
     return (f"the velocities' filter has a cut-off of {cutoff:.3g} Hz",)
 
 

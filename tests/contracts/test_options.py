@@ -104,3 +104,13 @@ def test_help_keeps_its_brackets(command):
     texts = [FUNCTIONS[command].__doc__, *(getattr(about, "help", None) for _, _, about in hints(command))]
     brackets = [b for text in texts if text for b in re.findall(r"\[[^\]]*\]", text)]
     assert all(b in shown for b in brackets), (brackets, shown)
+
+
+def test_every_command_that_reads_recordings_takes_a_description_and_a_choice():
+    reading = {
+        name for name, command in COMMANDS.items() if any("RECORDINGS" in (p.metavar or "") for p in command.params)
+    }
+    assert {"check", "identify", "validate", "diagnose", "report", "lab"} <= reading
+    for name in (*reading, "term"):
+        taken = {option for p in COMMANDS[name].params for option in p.opts}
+        assert {"--rig", "--strict", "--only", "--skip"} <= taken, name

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from flexdrive_gym import Drive, Excitation, Fault, LinearDrive
+from flexdrive_gym.units import Units, in_rig_units
 from identification.frequency_response import (
     fit_sine,
     measure_frequency_response,
@@ -253,3 +254,15 @@ def test_handout_rig_of_2022(shared_recordings):
     assert max(abs(step) for step in np.diff(phase)) < 180.0
     # far below resonance the carts move as one
     assert table.rows[0].cart1.gain == pytest.approx(table.rows[0].cart2.gain, rel=0.05)
+
+
+def test_a_row_in_the_units_of_another_rig():
+    rotary = Units("rad", "N m", per_length=100.0, per_command=50.0)
+    run = replace(sine(Drive(LINEAR), 2.0), units=rotary)
+    (row,) = measure_frequency_response([run]).rows
+    (told,) = in_rig_units((row,), rotary)
+    assert told.u_amplitude == pytest.approx(2.5 / 50.0)
+    assert told.cart1.gain == pytest.approx(row.cart1.gain * 50.0 / 100.0)
+    assert told.cart1.fit.amplitude == pytest.approx(told.cart1.gain * told.u_amplitude)
+    assert (told.frequency, told.cart1.phase_deg) == (row.frequency, row.cart1.phase_deg)
+    assert told.cart1.fit.phase_deg == row.cart1.fit.phase_deg

@@ -1,5 +1,7 @@
 """A rig description's known effects are part of the base model that is fitted."""
 
+from dataclasses import replace
+
 import pytest
 
 from flexdrive_gym import Drive
@@ -33,3 +35,24 @@ def test_a_place_can_be_named():
 def test_a_rig_says_how_many_carts():
     assert topology_of(RecordingSet(lab_day(), rig=parse_rig("[rig]\ncarts = 1"))).carts == 1
     assert topology_of(RecordingSet(lab_day())).carts == 2
+
+
+def test_the_filter_of_velocities_without_a_raw_one_is_fitted_with_the_drive():
+    truth = {**RIG, **COUNTS, **{f"velocity_processing.encoder_{i}.cutoff": 12.0 for i in (1, 2)}}
+    # velocities alone do not tell how they were made
+    runs = [replace(r, velocity_cutoff=None) for r in lab_day(Drive(truth))]
+    found = identify(runs)
+    for i in (1, 2):
+        q = found.effects[f"velocity_processing.encoder_{i}.cutoff"]
+        assert q.value == pytest.approx(12.0, rel=0.05)
+        assert q.ci95[0] < 12.0 < q.ci95[1]
+    # taken for raw differences these velocities make both masses heavier by 40 %
+    assert found.drive["m1"] == pytest.approx(RIG["m1"], rel=0.03)
+    assert found.drive["m2"] == pytest.approx(RIG["m2"], rel=0.03)
+
+
+def test_of_what_makes_no_difference_nothing_is_known():
+    runs = [replace(r, velocity_cutoff=None) for r in lab_day()[:4]]
+    # raw differences, called filtered: beyond some 10 kHz no cut-off shows
+    low, high = identify(runs).drive.intervals["velocity_processing.encoder_2.cutoff"]
+    assert high - low > 1e3

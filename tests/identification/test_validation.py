@@ -118,6 +118,18 @@ def test_positions_alone_are_compared_as_positions():
     assert all(f.rms < 0.1 for f in fits)
 
 
+def test_a_spring_to_the_frame_holds_a_simulated_cart_near_its_place():
+    spring = {**RIG, "ground_spring.kg": 0.04, "d1": 0.06, "d2": 0.01}
+    made = Drive({**spring, **COUNTS}).simulate(T, 1.0 * np.sign(np.sin(np.pi * T + 1e-9)))
+    measured = replace(made, v1=None, v2=None, excitation=Excitation("square", 1.0, 0.5))
+    off = Drive({**spring, "d1": 0.09})
+    free = off.simulate(T, measured.u)
+    fits = {f.channel: f.rms for f in validate(off, [measured]).fits()}
+    for name, rms in fits.items():
+        expected = float(np.sqrt(np.mean((getattr(free, name) - getattr(measured, name)) ** 2)))
+        assert rms == pytest.approx(expected, rel=0.02)
+
+
 def test_a_held_cart_is_left_out_of_validation():
     day = lab_day(force=0.0)[:2]
     result = validate(Drive(RIG), [day[0], replace(day[1], held=(2,))])

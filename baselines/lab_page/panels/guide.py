@@ -17,6 +17,7 @@ from baselines.lab_page.panels.recordings import Workbench
 from baselines.lab_page.session import Session
 from baselines.lab_page.settings import Settings
 from flexdrive_gym import Drive, Recording
+from flexdrive_gym.units import Units
 from identification import write_recording
 
 # 2.3 is "a little above" 2.2
@@ -42,12 +43,13 @@ class GuidePanel:
         self.session, self._change = session, change
         self.bench = Workbench(session, "guide", add_drive)
         self.done: dict[str, ui.label] = {}
+        self._words: dict[str, ui.label] = {}
         with card():
             paragraph(texts.GUIDE_LEAD)
-            for step, (title, words) in texts.STEPS.items():
+            for step, (title, _) in texts.STEPS.items():
                 with ui.element("section").classes("lab-effect"):
                     heading(title, 3)
-                    paragraph(words, "lab-soft")
+                    self._words[step] = paragraph("", "lab-soft")
                     with ui.element("div").classes("lab-row"):
                         ui.button(texts.GO, on_click=lambda _e, s=step: self.set_up(s)).props("dense no-caps outline")
                         press = texts.RECORD_ALL_SINES if step == "2.6" else texts.RECORD
@@ -56,6 +58,12 @@ class GuidePanel:
             ui.button(texts.MAKE_REPORT, on_click=self.report).props("no-caps unelevated")
         self.bench.build_results()
         self.bench.build_overlay()
+        self.follow()
+
+    def follow(self) -> None:
+        """Tell the steps in the units of the drive that is chosen."""
+        for step, words in steps_of(self.session.drive.units).items():
+            self._words[step].set_text(words)
 
     def set_up(self, step: str) -> None:
         """Bring the rig to a step of the handout."""
@@ -86,6 +94,17 @@ class GuidePanel:
             ui.notify(texts.MISSING_STEPS, type="warning", multi_line=True)
             return
         await self.bench.report()
+
+
+def steps_of(units: Units) -> dict[str, str]:
+    """Return what the handout's steps are, by section, in a rig's units."""
+    slow, fast = (units.text(f, "Hz", 3) for f in (FREQUENCIES_HZ[0], FREQUENCIES_HZ[-1]))
+    low, high, sine = (units.text(size, "V", 3) for size in (*SQUARES_V, SINE_V))
+    gain = units.text(STABLE_GAIN, "V/mm", 3)
+    return {
+        step: words.format(gain=gain, low=low, high=high, sine=sine, slow=slow, fast=fast)
+        for step, (_, words) in texts.STEPS.items()
+    }
 
 
 def _runs(step: str, rig: Drive, settings: Settings) -> Iterable[Recording]:

@@ -63,17 +63,37 @@ class Workbench:
         """Where computations write."""
         return self.session.folder / f"{self._name}-results"
 
+    @property
+    def _brought(self) -> bool:
+        """Whether the visitor brought files."""
+        return self.folder.is_dir() and any(p.is_file() for p in self.folder.rglob("*"))
+
     def sources(self) -> list[str]:
         """Return what commands are given: the visitor's files, or the command line's."""
-        if self.folder.is_dir() and any(p.is_file() for p in self.folder.rglob("*")):
+        if self._brought:
             return [str(self.folder)]
         return [str(p) for p in self.session.lab.recordings] if self._name == "recordings" else []
 
-    def rig_options(self) -> list[str]:
-        """Return the option that names the description of the columns, where there is one."""
+    def _rig(self) -> Path | None:
+        """Return the description of the columns, where there is one."""
         own = sorted(self.folder.rglob("rig.toml")) if self.folder.is_dir() else []
-        rig = own[0] if own else (self.session.lab.rig if self._name == "recordings" else None)
-        return ["--rig", str(rig)] if rig is not None else []
+        return own[0] if own else (self.session.lab.rig if self._name == "recordings" else None)
+
+    def _choice(self) -> dict[str, Any]:
+        """Return which files are read, and whether a bad one stops: what was told of the command line's recordings."""
+        lab = self.session.lab
+        if self._brought or self._name != "recordings":
+            return {}
+        return {"strict": lab.strict, "only": lab.only, "skip": lab.skip}
+
+    def options(self) -> list[str]:
+        """Return the options with which commands read the sources as the page does."""
+        rig, choice = self._rig(), self._choice()
+        found = ["--rig", str(rig)] if rig is not None else []
+        found += ["--strict"] if choice.get("strict") else []
+        return found + [
+            word for name in ("only", "skip") for glob in choice.get(name, ()) for word in (f"--{name}", glob)
+        ]
 
     def drives(self) -> list[str]:
         """Offer the drives that were dropped; return one sentence for each that is none."""
@@ -118,13 +138,12 @@ class Workbench:
         """Read what is in the folder and offer it."""
         sources = self.sources()
         self._span = None
-        rig = self.rig_options()
         if not sources:
             self.found = RecordingSet((), ())
         else:
             try:
                 self.found = await asyncio.to_thread(
-                    read_recordings, [Path(s) for s in sources], rig=Path(rig[1]) if rig else None
+                    read_recordings, [Path(s) for s in sources], rig=self._rig(), **self._choice()
                 )
             except (RecordingError, ValueError, OSError) as error:
                 self.found = RecordingSet((), ())
@@ -166,8 +185,9 @@ class Workbench:
         if recording is None or signal is None:
             return
         drive = self.drive
-        if drive is None and self.session.drive.units == recording.units and self._name == "recordings":
-            drive = self.session.drive
+        shown, own = self.session.drive.units, recording.units
+        if drive is None and (shown.length, shown.command) == (own.length, own.command) and self._name == "recordings":
+            drive = self.session.drive.rescaled(own)
         known: Signal = signal
         chart, rms = await asyncio.to_thread(overlay, drive, recording, known, self._span)
         self.plot.show(chart)
@@ -199,7 +219,7 @@ class Workbench:
         self.outcome.clear()
         tell(texts.READING)
         try:
-            answer = await self.job.run([arguments[0], *sources, *self.rig_options(), *arguments[1:]], tell)
+            answer = await self.job.run([arguments[0], *sources, *self.options(), *arguments[1:]], tell)
         except JobError as error:
             self.say(str(error))
             return None
@@ -352,12 +372,11 @@ class RecordingsPanel:
         if not len(found) and not found.skipped:
             self.listed.set_content(f"<p>{texts.NOTHING_READ}</p>")
             return
-        count = texts.HOW_MANY.format(count=len(found), skipped=len(found.skipped))
         rows = [
             [r.name, r.excitation.text(r.units), str(r.n), ", ".join(name for name, _v in r.channels())]
             for r in found[:_MOST_LISTED]
         ]
-        html = f"<h2>{texts.EXPERIMENTS_READ}: {text_of(count)}</h2>"
+        html = f"<h2>{texts.EXPERIMENTS_READ}: {text_of(found.summary())}</h2>"
         html += "".join(
             f"<p class='lab-note'>{text_of(texts.UNREADABLE.format(file=s.file, reason=s.reason))}</p>"
             for s in found.skipped[:_MOST_LISTED]
@@ -369,7 +388,7 @@ class RecordingsPanel:
         """Add the verdict of ``flexdrive check``."""
         self.checked.set_content(f"<p>{texts.CHECKING}</p>")
         try:
-            sources = [*self.bench.sources(), *self.bench.rig_options()]
+            sources = [*self.bench.sources(), *self.bench.options()]
             answer = await Job().run(["check", *sources], lambda _stage: None)
         except JobError as error:
             self.checked.set_content(f"<p class='lab-note'>{text_of(str(error))}</p>")

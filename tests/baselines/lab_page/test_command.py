@@ -9,6 +9,9 @@ pytest.importorskip("nicegui", reason="the lab's page needs NiceGUI: pip install
 
 from baselines.cli import app
 from baselines.lab_page import server, warm_up
+from baselines.lab_page.panels.recordings import Workbench
+from baselines.lab_page.session import Session
+from baselines.lab_page.settings import Settings
 from flexdrive_gym import DEFAULT_DRIVE, save_drive
 
 
@@ -38,3 +41,19 @@ def test_drives_and_recordings_are_told_apart(served, tmp_path):
     assert [d.name for d in lab.drives.values()] == ["mine", DEFAULT_DRIVE.name]
     assert [p.name for p in lab.recordings] == ["day"]
     assert lab.exercise
+
+
+def test_it_reads_the_recordings_as_other_commands_do(served, tmp_path):
+    (tmp_path / "day").mkdir()
+    options = ["--strict", "--only", "*.csv", "--skip", "a*", "--skip", "b*"]
+    assert CliRunner().invoke(app, ["lab", str(tmp_path / "day"), *options]).exit_code == 0
+    lab = served[0][0]
+    assert (lab.strict, list(lab.only), list(lab.skip)) == (True, ["*.csv"], ["a*", "b*"])
+    bench = Workbench(Session(lab, Settings()), "recordings", lambda *_: None)
+    assert bench.sources() == [str(tmp_path / "day")]
+    assert bench.options() == ["--strict", "--only", "*.csv", "--skip", "a*", "--skip", "b*"]
+    # what a visitor brings is read whole
+    bench.folder.mkdir()
+    (bench.folder / "own.csv").write_text("")
+    assert bench.options() == []
+    bench.session.close()

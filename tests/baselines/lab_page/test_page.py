@@ -158,7 +158,7 @@ def test_uploads_are_a_visitors_own_and_a_broken_file_gets_its_sentence():
             with one:
                 element(one, Drop)._handle_event({"listener_id": _listener(one), "args": {"refused": [wrong.text]}})
             listed = "".join
-            await until(lambda: "1 recordings, 1 files left out" in listed(htmls(one)))
+            await until(lambda: "1 recording read; 1 file left out" in listed(htmls(one)))
             assert "broken.csv" in listed(htmls(one))
             assert "square ±1.5 V, 0.5 Hz" in listed(htmls(one))
             assert "broken.csv" not in listed(htmls(other))

@@ -4,6 +4,7 @@ import json
 import os
 import re
 import signal
+from dataclasses import replace
 
 import pytest
 from typer.testing import CliRunner
@@ -173,3 +174,25 @@ def test_a_lost_dask_worker_loses_nothing(made, cluster, tmp_path):
     assert workers[1].poll() is None
     here = examine_all(groups, made[0] / "out", settings, backend="sequential")
     assert list(map(comparable, there)) == list(map(comparable, here))
+
+
+def test_a_hand_in_is_read_as_other_commands_read_a_folder(tmp_path):
+    hand_in(tmp_path / "g", day(1))
+    (tmp_path / "g" / "broken.csv").write_text("t_s,u_V,v1_mm_s\n0,1,2\n0.001,x,2\n")
+    found = parcel(Group("", "g", tmp_path / "g"))
+    quick = Settings(diagnose=False, draws=0)
+    lenient = examine(found, quick)
+    assert (lenient["status"], [item["file"] for item in lenient["skipped"]]) == ("ok", ["broken.csv"])
+    strict = examine(found, replace(quick, strict=True))
+    assert strict["status"] == "skipped"
+    assert strict["reason"].startswith("broken.csv: ")
+    chosen = examine(found, replace(quick, strict=True, skip=("broken*",)))
+    assert (chosen["status"], chosen["skipped"]) == ("ok", [])
+
+
+def test_a_hand_in_without_recordings_says_what_it_has(tmp_path):
+    (tmp_path / "g").mkdir()
+    (tmp_path / "g" / "notes.csv").write_text("hi\n")
+    row = examine(parcel(Group("", "g", tmp_path / "g")), Settings(diagnose=False, draws=0))
+    assert row["reason"].startswith("files: at least one must be a recording; got none in 1 file.")
+    assert "notes.csv: file: must hold columns of numbers" in row["reason"]

@@ -148,7 +148,7 @@ class TestFolders:
         assert [run.name for run in runs] == ["a"]
         assert runs.skipped[0].file == "trajectory.csv"
         assert "reference trajectory" in runs.skipped[0].reason
-        assert runs.summary() == "1 recordings read; 1 files left out"
+        assert runs.summary() == "1 recording read; 1 file left out"
         with pytest.raises(RecordingError, match=r"trajectory.csv: .* reference trajectory, not a recording"):
             read_recordings(reference)
 
@@ -204,7 +204,7 @@ class TestFolders:
 
     def test_a_folder_of_trajectories_only(self, tmp_path):
         write_csv(tmp_path / "trajectory.csv", {"t_s": time(2.0), "xr_mm": trajectory(time(2.0))})
-        with pytest.raises(RecordingError, match=r"(?s)got none in 1 files.*trajectory.csv: .* reference trajectory"):
+        with pytest.raises(RecordingError, match=r"(?s)got none in 1 file.*trajectory.csv: .* reference trajectory"):
             read_recordings(tmp_path)
 
     def test_a_missing_path_suggests_its_neighbour(self, tmp_path):
