@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from baselines.lab.lab_scale import on_lab_scale
 from baselines.lab.uncertainty import DRAWS, Predicted, predict
 from baselines.loop_analysis.stability_limit import ObservedLimit, observed_limit
 from flexdrive_gym import Recording
@@ -31,13 +32,14 @@ def predictions(
     draws, seed, threads
         Of :func:`~baselines.lab.uncertainty.predict`.
     """
-    split, units = diagnosis.split, diagnosis.drive.units
+    split, drive = diagnosis.split, on_lab_scale(diagnosis.drive)
+    units, recorded_in = drive.units, diagnosis.drive.units
     seen = observed_limit(recordings or (*split.estimation, *split.report, *split.loops))
-    after = predict(diagnosis.drive, draws=draws, seed=seed, threads=threads)
+    after = predict(drive, draws=draws, seed=seed, threads=threads)
     # without a finding both are one drive
-    before = predict(diagnosis.base, draws=draws, seed=seed, threads=threads) if diagnosis.findings else after
+    before = predict(on_lab_scale(diagnosis.base), draws=draws, seed=seed, threads=threads) if diagnosis.findings else after
     return tuple(
-        _prediction(before[name].of_rig(units), p.of_rig(units), _words(seen, units) if name == ANSWERED else "")
+        _prediction(before[name].of_rig(units), p.of_rig(units), _words(seen, recorded_in) if name == ANSWERED else "")
         for name, p in after.items()
         if name in before
     )
