@@ -21,6 +21,13 @@ def test_examples_run(page, tmp_path, monkeypatch):
         exec(compile(code, page, "exec"), space)
 
 
+def test_decisions_have_a_number_each():
+    files = sorted((ROOT / "docs/decisions").glob("*.md"))
+    assert [int(f.name[:4]) for f in files] == list(range(1, len(files) + 1))
+    for f in files:
+        assert f.read_text(encoding="utf-8").startswith(f"# {int(f.name[:4])}. "), f.name
+
+
 def test_the_page_on_compatibility_names_the_schemas_that_are_read():
     from flexdrive_gym.drive.toml import SCHEMA as DRIVE
     from identification.diagnosis_file import SCHEMA as DIAGNOSIS
