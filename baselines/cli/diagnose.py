@@ -39,7 +39,11 @@ def diagnose(
     ] = 0,
     alpha: Annotated[
         float,
-        typer.Option(help="Level of the test: in so many data sets in which nothing is left out something is named."),
+        typer.Option(
+            min=1e-3,
+            max=0.5,
+            help="Level of the test: in so many data sets in which nothing is left out something is named.",
+        ),
     ] = 0.02,
     jobs: Annotated[
         int | None, typer.Option(min=1, max=MOST_THREADS, help="Threads; the answer does not change.")

@@ -124,7 +124,7 @@ def _typical(name: str, start: Values) -> float:
         mass = start.get("m1", 1.0)
         return max(abs(start.get(name, 0.0)), 0.1 * max(same), 1.0 * mass if name[0] == "b" else 1e-3)
     own = abs(start.get(name, 0.0))
-    return own if own > 0.0 else (abs(LAYOUT[name].parameter.starts[0]) if LAYOUT[name].parameter.starts else 1.0)
+    return own if own > 0.0 else next((abs(v) for v in LAYOUT[name].parameter.starts if v != 0.0), 1.0)
 
 
 def fit(

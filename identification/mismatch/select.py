@@ -14,7 +14,7 @@ from identification.mismatch.candidates.free import Shape, shapes
 from identification.mismatch.candidates.narrow_band import Line
 from identification.mismatch.candidates.phases import Phase
 from identification.mismatch.evaluate import Name, Table, evaluate
-from identification.mismatch.fit import Fit, fit
+from identification.mismatch.fit import Fit, Metric, fit
 from identification.mismatch.linear import Linear, linearise
 from identification.mismatch.noise import Noise, estimate, first_noise
 from identification.mismatch.nuisance import Direction, directions, dry_level
@@ -142,6 +142,18 @@ def ranked(scored: Sequence[Scored], significant: Sequence[Scored]) -> list[Scor
     return [first, *(s for s in order if s is not first)]
 
 
+def _absent(candidates: Sequence[Candidate], base: Fit) -> set[str]:
+    """Return the base parameters that candidates can take over and that this model does not have."""
+    return {taken for c in candidates for _, taken in c.takes if taken not in base.names}
+
+
+def _give_back(values: dict[str, float], candidate: Candidate, before: Values, names: Sequence[str]) -> None:
+    """Return to the base parameters what a candidate had taken over of them, where the model has these."""
+    for key, taken in candidate.takes:
+        if taken in names:
+            values[taken] = values.get(taken, 0.0) + before.get(key, 0.0)
+
+
 def _part(candidate: Candidate, base: Fit, whole: Fit) -> dict[str, float]:
     return {k: v for k, v in whole.values.items() if k in base.values or k in candidate.keys}
 
@@ -219,7 +231,7 @@ class Selector:
         phases: tuple[Direction, ...] = ()
         rounds: list[Round] = []
         taken: list[tuple[Scored, Round]] = []
-        whole = base
+        whole = self._near(base)
         while len(rounds) < self.settings.rounds:
             self.say(f"round {len(rounds) + 1}")
             step = self._round(base, whole, phases, taken, len(rounds))
@@ -243,6 +255,21 @@ class Selector:
         )
         best = sorted(tries, key=lambda f: f.cost)[:2]
         return min((fit(self.bench, noise, f.values, f.names) for f in best), key=lambda f: f.cost)
+
+    def _near(self, base: Fit) -> Fit:
+        """Return the model with the candidate that brings a simulation near that is far from the data: it tells what is noise."""
+        if not self._far(base):
+            return base
+        known = {k: v for k, v in base.values.items() if k not in self.topology.free}
+        jobs = far_starts(self.bench, base, known, self.candidates)
+        jobs += [
+            (c, {**base.values, **c.start})
+            for c in self.candidates
+            if _absent(self.candidates, base).issuperset(c.keys)
+        ]
+        fits = self._fits(base, base.metric, jobs)
+        best = min((f for _, f in fits.values()), key=lambda f: f.cost, default=base)
+        return best if best.cost < (1.0 - self.settings.large) * base.cost else base
 
     def _whole(self, base: Fit, last: Round) -> Fit:
         """Return the model with whatever else was significant beside what the last round named, as far as it still gains."""
@@ -319,7 +346,8 @@ class Selector:
         """Return what to fit: names whose linear change may be significant, and what no linear change shows."""
         prior = Null.of(evaluate(linear, first).total)
         likely = {n for n, total in table.total.items() if prior.p_value(n, float(total[0])) <= self.settings.likely}
-        asked = [c for c in candidates if c.name in likely or c.takes]
+        absent = _absent(candidates, base)
+        asked = [c for c in candidates if c.name in likely or c.takes or absent.issuperset(c.keys)]
         jobs = candidate_starts(base, linear, table, asked, self.settings.proposals)
         if number == 0 and self._far(base):
             known = {k: v for k, v in base.values.items() if k not in self.topology.free}
@@ -327,7 +355,7 @@ class Selector:
         return jobs
 
     def _fits(
-        self, base: Fit, noise: Noise, jobs: Sequence[tuple[Candidate, Values]]
+        self, base: Fit, noise: Metric, jobs: Sequence[tuple[Candidate, Values]]
     ) -> dict[Name, tuple[Candidate, Fit]]:
         """Fit candidates, each from all its starts."""
 
@@ -367,8 +395,7 @@ class Selector:
         def one(item: tuple[Candidate, Fit]) -> Fit:
             candidate, best = item
             values = {k: v for k, v in best.values.items() if k not in candidate.keys}
-            for key, taken in candidate.takes:
-                values[taken] = values.get(taken, 0.0) + best.values.get(key, 0.0)
+            _give_back(values, candidate, best.values, base.names)
             return fit(self.bench, noise, values, base.names)
 
         again = [base, *self.bench.pool.map(one, leading)]
@@ -407,8 +434,7 @@ class Selector:
                     continue
                 names = [n for n in model.names if n not in scored.candidate.keys]
                 values = {k: v for k, v in model.values.items() if k not in scored.candidate.keys}
-                for key, base in scored.candidate.takes:
-                    values[base] = values.get(base, 0.0) + model.values.get(key, 0.0)
+                _give_back(values, scored.candidate, model.values, names)
                 without = fit(self.bench, noise, values, names)
                 gain = gains(without.normal, model.normal, self.settings.damping)
                 p = last.null.p_value(scored.name, float(trimmed(gain)))

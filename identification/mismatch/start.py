@@ -66,6 +66,9 @@ def candidate_starts(
     for candidate in hidden.values():
         usual = replace(candidate, shapes=tuple((k, null_value(k)) for k, _ in candidate.shapes))
         jobs.append((usual, _taking_over(usual, base.values)))
+        # a model without that friction is asked for it, too
+        absent = [taken for _, taken in candidate.takes if taken not in base.names]
+        jobs += [(c, {**base.values, **c.start}) for c in candidates for taken in absent if c.keys == (taken,)]
         bends = compliance(linear.bench, candidate.where)
         if bends > 0.0:
             level = max(jobs[-1][1][key] for key, _ in candidate.takes)
@@ -106,7 +109,9 @@ def far_starts(bench: Bench, base: Fit, known: Values, candidates: Sequence[Cand
                 and len(seen) < bench.settings.proposals // 2
             ):
                 seen.add(p.candidate.name)
-                jobs.append((p.candidate, {**base.values, **p.start}))
+                # the equation error has all of the handout's parameters, the model perhaps not
+                own = {k: v for k, v in p.start.items() if k in base.names or k in p.candidate.keys}
+                jobs.append((p.candidate, {**base.values, **own}))
     return jobs
 
 
