@@ -37,7 +37,9 @@ def predictions(
     seen = observed_limit(recordings or (*split.estimation, *split.report, *split.loops))
     after = predict(drive, draws=draws, seed=seed, threads=threads)
     # without a finding both are one drive
-    before = predict(on_lab_scale(diagnosis.base), draws=draws, seed=seed, threads=threads) if diagnosis.findings else after
+    before = (
+        predict(on_lab_scale(diagnosis.base), draws=draws, seed=seed, threads=threads) if diagnosis.findings else after
+    )
     return tuple(
         _prediction(before[name].of_rig(units), p.of_rig(units), _words(seen, recorded_in) if name == ANSWERED else "")
         for name, p in after.items()
