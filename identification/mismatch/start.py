@@ -65,13 +65,14 @@ def candidate_starts(
     hidden = {c.name: c for c in candidates if c.takes and not any(k in base.values for k in c.keys)}
     for candidate in hidden.values():
         usual = replace(candidate, shapes=tuple((k, null_value(k)) for k, _ in candidate.shapes))
-        jobs.append((usual, _taking_over(usual, base.values)))
+        taking = _taking_over(usual, base.values)
+        jobs.append((usual, taking))
         # a model without that friction is asked for it, too
         absent = [taken for _, taken in candidate.takes if taken not in base.names]
         jobs += [(c, {**base.values, **c.start}) for c in candidates for taken in absent if c.keys == (taken,)]
         bends = compliance(linear.bench, candidate.where)
         if bends > 0.0:
-            level = max(jobs[-1][1][key] for key, _ in candidate.takes)
+            level = max(taking[key] for key, _ in candidate.takes)
             found_length = tuple(
                 (k, float(np.clip(level * bends, parameter(k).lower, parameter(k).upper))) for k, _ in usual.shapes
             )
