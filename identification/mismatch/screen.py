@@ -136,6 +136,8 @@ class Screen:
         self.coefficients = c
         self.values = _physical(c)
         self.base = self._normal([])
+        if not np.any(self.base.square):
+            raise TooShortError
         self.r2_before = self._r2(self.base)
 
     def _present_columns(self, ratio: float) -> None:

@@ -23,7 +23,8 @@ def test_examples_run(page, tmp_path, monkeypatch):
 
 def test_decisions_have_a_number_each():
     files = sorted((ROOT / "docs/decisions").glob("*.md"))
-    assert [int(f.name[:4]) for f in files] == list(range(1, len(files) + 1))
+    # records that were folded into another leave a gap: no number is given twice
+    assert len({f.name[:4] for f in files}) == len(files)
     for f in files:
         assert f.read_text(encoding="utf-8").startswith(f"# {int(f.name[:4])}. "), f.name
 
