@@ -22,7 +22,7 @@ def test_one_cart_in_closed_loop_with_positions_only(tmp_path):
     # blocks of one recording share whatever is constant, so a constant force may be taken for run-to-run variability
     assert {f.id for f in found.findings} <= {"input_offset", "tilt", "coulomb_asymmetry"}
     for name in ("m1", "b1"):
-        assert found.drive[name] == pytest.approx(CARRIAGE[name], rel=0.05)
+        assert found.drive[name] == pytest.approx(CARRIAGE[name], rel=0.1)
 
 
 def test_positions_alone_say_what_velocities_say():
