@@ -1,13 +1,14 @@
 """The table of docs/recordings.md: what ``flexdrive check`` understands of folders as their owners left them.
 
-``python -m benchmarks recordings`` looks for them in ``../shared/recordings`` beside the repository. What each rig's columns mean
-is written here as its owner would write it into rig.toml.
+``python -m benchmarks recordings`` looks for them in ``../shared/recordings`` beside the repository. What a rig's columns mean
+stands in its entry of :mod:`baselines.real_rigs`; the ECP's spring to the frame, which is concealed there, is known here.
 """
 
 import time
 from collections import Counter
 from pathlib import Path
 
+from baselines.real_rigs.entries import RIGS as ENTRIES
 from identification import Check, check, identify, read_recordings
 from identification.readiness.identifiability import short
 from identification.recordings.rig import parse_rig
@@ -23,49 +24,10 @@ u = { unit = "V", factor = 0.001221 }           # 819 units of the converter per
 x1 = { unit = "mm", factor = 0.004413 }         # 226.6 counts per millimetre
 x2 = { unit = "mm", factor = 0.004413 }
 """
-LUGRE = """
-[rig]
-carts = 1
-sample_time = 0.001
-[columns]                                       # no header
-x1 = "1"
-u = "5"
-[units]
-x1 = "rad"
-u = "N m"
-"""
-QUANSER = """
-[columns]
-t = "data_th11:1"
-reference = "data_th11:2"
-x1 = "data_th11:3"
-x2 = "data_th11:3 + data_th12:3"                # the strain gauge measures the deflection
-u = "data_Im1:3"
-[units]
-u = { unit = "N m", factor = 8.925 }            # newton metres per ampere
-x1 = { unit = "rad", factor = 0.017453 }
-x2 = { unit = "rad", factor = 0.017453 }
-reference = { unit = "rad", factor = 0.017453 }
-"""
-HSM = """
-[rig]
-carts = 1
-[columns]
-t = "data:1"
-reference = "data:2"
-x1 = "data:3"
-u = "data:6"
-[units]
-u = "N m"
-x1 = "rad"
-reference = "rad"
-"""
 RIGS = {
     "mte360_2025_raw": "",
     "ecp210_2025": ECP,
-    "lugre_servo": LUGRE,
-    "quanser_2dsfl": QUANSER,
-    "hsm150": HSM,
+    **{name: str(ENTRIES[name].rig) for name in ("lugre_servo", "quanser_2dsfl", "hsm150")},
     "mte360_2022": "",
     "emps": "",
 }

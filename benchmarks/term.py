@@ -57,7 +57,7 @@ def make_term(folder: Path, groups: int, seed: int) -> dict:
                 home / f"our_{log.experiment.kind}_{log.experiment.frequency:g}_{len(list(home.iterdir()))}.csv"
             ).write_text(as_text(log))
         if n != copied:
-            write_day(day, logs, home / ("lab day" if n % 3 == 1 else ""))
+            write_day(day, logs, home / ("lab session" if n % 3 == 1 else ""))
         if n == 1:
             first = logs
         if n == broken or n % 4 == 0:

@@ -41,14 +41,26 @@ class Command(TyperCommand):
                 parameter.help = _escaped(parameter.help)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse; refuse nan, which lies within any range, and inf."""
-        rest = super().parse_args(ctx, args)
+        """Parse; say what was given where it breaks a rule; refuse nan, which lies within any range, and inf."""
+        try:
+            rest = super().parse_args(ctx, args)
+        except typer.BadParameter as error:
+            given = _given(error)
+            if given and given not in error.message:
+                error.message = f"{error.message}; got {given}."
+            raise
         for parameter in self.params:
             for value in _numbers(ctx.params.get(parameter.name)):
                 if not math.isfinite(value):
                     told: Any = parameter
                     raise typer.BadParameter(f"{value} is not a finite number.", ctx=ctx, param=told)
         return rest
+
+
+def _given(error: typer.BadParameter) -> str:
+    """Return the value that was refused, where the check of its type knows it."""
+    told = getattr(error.__cause__, "errors", None)
+    return ", ".join(str(e["input"]) for e in told()) if told else ""
 
 
 def _numbers(value: Any) -> Iterator[float]:

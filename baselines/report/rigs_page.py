@@ -78,7 +78,7 @@ def _rigs(rows: Sequence[Row]) -> Section:
     section = Section("Rigs", "rigs")
     section.table(OVERVIEW, [overview(r) for r in rows])
     section.text(
-        "Errors are rms on recordings kept away from the choice of names, by free simulation. The floor is what does not repeat."
+        "Errors are rms on report recordings, opened when the names are final. The floor is what does not repeat."
     )
     return section
 

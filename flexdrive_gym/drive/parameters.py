@@ -126,9 +126,12 @@ def fastest(values: Mapping[str, float]) -> tuple[float, tuple[str, ...]]:
     """Return the fastest rate of any effect that is present [1/s], and the effect's keys; 0 if none needs a shorter step."""
     rate = 0.0
     which: tuple[str, ...] = ()
+    masses = values.get("m1", inf), values.get("m2", inf)
     for keys, item in _FAST:
         if item.fastest_rate is not None and any(key in values and LAYOUT[key].switches for key in keys):
-            own = item.fastest_rate(tuple(values.get(k, q.null) for k, q in zip(keys, item.parameters, strict=True)))
+            own = item.fastest_rate(
+                tuple(values.get(k, q.null) for k, q in zip(keys, item.parameters, strict=True)), masses
+            )
             if own > rate:
                 rate, which = own, keys
     return rate, which

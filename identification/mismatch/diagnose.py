@@ -29,7 +29,8 @@ from identification.mismatch.levels import output_error
 from identification.mismatch.maps import draw_maps, harmonics, located
 from identification.mismatch.missing_force import missing_force
 from identification.mismatch.notes import notes_of
-from identification.mismatch.select import Round, Scored, Selection, Selector
+from identification.mismatch.ranking import Round, Scored
+from identification.mismatch.select import Selection, Selector
 from identification.mismatch.settings import Settings
 from identification.mismatch.split import Split, split_recordings
 from identification.mismatch.unnamed import share_of, unnamed

@@ -19,127 +19,18 @@ from identification.mismatch.linear import Linear, linearise
 from identification.mismatch.noise import Noise, estimate, first_noise
 from identification.mismatch.nuisance import Direction, directions, dry_level
 from identification.mismatch.null import Null, first_draws, null_of
-from identification.mismatch.score import Normal, gains, studentised, trimmed
-from identification.mismatch.start import base_starts, candidate_starts, far_starts
+from identification.mismatch.ranking import Round, Scored, nameless, ranked, scores, tied
+from identification.mismatch.score import gains, trimmed
+from identification.mismatch.start import Start, base_starts, candidate_starts, far_starts
 from identification.topology import Topology
 
 Say = Callable[[str], None]
 # iterations of a first try from every start
 _TRY = 4
-# paired t under which two candidates predict alike
-TIE = 2.0
-# share of a gain that is no difference between two candidates
-NEGLIGIBLE = 0.01
 # significant candidates that are tried beside what was named
 _MORE = 3
-# share of a free function's gain from which on a name stands for it
-NEARLY = 0.9
 # log-likelihood that a parameter must gain to join the generous model: Akaike's one, and one for having been chosen
 _WORTH = 2.0
-
-
-@dataclass(frozen=True, eq=False)
-class Scored:
-    """A candidate at its optimum, with its score in every unit.
-
-    Attributes
-    ----------
-    candidate
-        A named effect, one with a phase of its own in every run, or a shape without a name.
-    fit
-        The drive with it; ``None`` where only its linear change was looked at.
-    gain : ndarray, shape (U,)
-        Gain of predictive log-likelihood.
-    size
-        How many parameters it adds.
-    p
-        P-value of its gain.
-    variability
-        What every recording has its own amplitudes of, where the candidate has a phase.
-    """
-
-    candidate: Candidate | Shape | Phase | Line
-    fit: Fit | None
-    gain: FloatArray
-    size: int
-    p: float = 1.0
-    variability: tuple[Direction, ...] = ()
-
-    @property
-    def name(self) -> Name:
-        """What a finding is called by."""
-        return self.candidate.name
-
-    @property
-    def total(self) -> float:
-        """Gain over all units but the one that gains most and the one that loses most."""
-        return float(trimmed(self.gain))
-
-
-@dataclass(frozen=True, eq=False)
-class Round:
-    """One step of the forward selection.
-
-    Attributes
-    ----------
-    base
-        Fit of the model before it.
-    scored
-        Every candidate that was fitted, the one that is named first.
-    null
-        Null distribution of gains.
-    noise
-        Of the rows.
-    accepted
-        Whether the first one is taken.
-    variability
-        Run-to-run variability.
-    """
-
-    base: Fit
-    scored: tuple[Scored, ...]
-    null: Null
-    noise: Noise
-    accepted: bool
-    variability: tuple[Direction, ...] = ()
-
-    @property
-    def best(self) -> Scored:
-        """Return the first candidate."""
-        return self.scored[0]
-
-    def ties(self) -> list[Scored]:
-        """Return the other candidates whose scores over units do not differ from the first one's, at most three."""
-        return [s for s in self.scored[1:] if s.name != self.best.name and tied(self.best, s)][:3]
-
-
-def tied(best: Scored, other: Scored) -> bool:
-    """Whether the paired scores of two candidates do not differ, and the other one predicts nearly as well.
-
-    Two names for one force differ by round-off alone, the same everywhere: that is no difference either.
-    """
-    if other.total < 0.5 * best.total:
-        return False
-    difference = best.gain - other.gain
-    return float(difference.sum()) < NEGLIGIBLE * abs(best.total) or float(studentised(difference)) < TIE
-
-
-def ranked(scored: Sequence[Scored], significant: Sequence[Scored]) -> list[Scored]:
-    """Return candidates with the one that is named first: ranked by gain, tested by p-value.
-
-    Of the significant ones that with the largest gain shows that something is there. Whatever predicts as well or better is asked
-    who predicts best, be it significant by itself or not, and of those that tie with that one the least is said: the name with
-    the fewest parameters. A free function contains the names that follow its variable, so a name that predicts nearly as much
-    stands for it; what that leaves is looked for in the next round.
-    """
-    order = sorted(scored, key=lambda s: -s.total)
-    names = {s.name for s in significant} or {order[0].name}
-    leader = next(s for s in order if s.name in names)
-    top = next(s for s in order if s is leader or tied(leader, s))
-    least = NEARLY * top.total if _free(top) else np.inf
-    alike = [s for s in order if s is top or tied(top, s) or (s.name in names and not _free(s) and s.total >= least)]
-    first = min(alike, key=lambda s: (_free(s), s.size, -s.total))
-    return [first, *(s for s in order if s is not first)]
 
 
 def _absent(candidates: Sequence[Candidate], base: Fit) -> set[str]:
@@ -166,10 +57,6 @@ def _both(before: Values, one: Values, other: Values, candidate: Candidate | Sha
 
     takes = dict(candidate.takes) if isinstance(candidate, Candidate) else {}
     return {**other, **{k: v * ratio(takes.get(k, k)) for k, v in one.items()}}
-
-
-def _free(scored: Scored) -> bool:
-    return isinstance(scored.candidate, Shape | Line)
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,13 +118,14 @@ class Selector:
         phases: tuple[Direction, ...] = ()
         rounds: list[Round] = []
         taken: list[tuple[Scored, Round]] = []
-        whole = self._near(base)
+        proposed = self._proposed(base)
+        whole = self._near(base, proposed)
         while len(rounds) < self.settings.rounds:
             self.say(f"round {len(rounds) + 1}")
-            step = self._round(base, whole, phases, taken, len(rounds))
+            step = self._round(base, whole, phases, taken, len(rounds), () if rounds else proposed)
             rounds.append(step)
             base = step.base
-            if not step.accepted or _free(step.best):
+            if not step.accepted or nameless(step.best):
                 break
             taken.append((step.best, step))
             phases = (*phases, *step.best.variability)
@@ -256,18 +144,20 @@ class Selector:
         best = sorted(tries, key=lambda f: f.cost)[:2]
         return min((fit(self.bench, noise, f.values, f.names) for f in best), key=lambda f: f.cost)
 
-    def _near(self, base: Fit) -> Fit:
-        """Return the model with the candidate that brings a simulation near that is far from the data: it tells what is noise."""
+    def _proposed(self, base: Fit) -> list[Start]:
+        """Return candidates with parameters as the equation error sees them, where the simulation is far from the data."""
         if not self._far(base):
-            return base
+            return []
         known = {k: v for k, v in base.values.items() if k not in self.topology.free}
-        jobs = far_starts(self.bench, base, known, self.candidates)
-        jobs += [
-            (c, {**base.values, **c.start})
-            for c in self.candidates
-            if _absent(self.candidates, base).issuperset(c.keys)
+        absent = _absent(self.candidates, base)
+        return [
+            *far_starts(self.bench, base, known, self.candidates),
+            *((c, c.start) for c in self.candidates if absent.issuperset(c.keys)),
         ]
-        fits = self._fits(base, base.metric, jobs)
+
+    def _near(self, base: Fit, proposed: Sequence[Start]) -> Fit:
+        """Return the model with the candidate that brings a simulation near that is far from the data: it tells what is noise."""
+        fits = self._fits(base, base.metric, [(c, {**base.values, **own}) for c, own in proposed])
         best = min((f for _, f in fits.values()), key=lambda f: f.cost, default=base)
         return best if best.cost < (1.0 - self.settings.large) * base.cost else base
 
@@ -290,7 +180,13 @@ class Selector:
         return model
 
     def _round(
-        self, base: Fit, whole: Fit, phases: tuple[Direction, ...], taken: Sequence[tuple[Scored, Round]], number: int
+        self,
+        base: Fit,
+        whole: Fit,
+        phases: tuple[Direction, ...],
+        taken: Sequence[tuple[Scored, Round]],
+        number: int,
+        proposed: Sequence[Start],
     ) -> Round:
         bench, seed = self.bench, [self.seed, number]
         named = {s.name for s, _ in taken}
@@ -311,7 +207,8 @@ class Selector:
             linear = linear.around(base, noise)
             table = evaluate(linear, linear.residual[:, None])
             jobs = [(c, f.values) for c, f in fits.values()] or [
-                *self._jobs(base, linear, table, first, candidates, number),
+                *self._jobs(base, linear, table, first, candidates),
+                *((c, {**base.values, **own}) for c, own in proposed),
                 *((c, _part(c, base, whole)) for c in candidates if all(k in whole.values for k in c.keys)),
             ]
             fits = self._fits(base, noise, jobs)
@@ -323,14 +220,14 @@ class Selector:
             base, linear = better, linear.around(better, noise)
             table = evaluate(linear, linear.residual[:, None])
         null = null_of(linear, base.values, noise, found, first, table, seed)
-        scored = _scored(base, linear, table, fits, null, roughness)
+        scored = scores(base, linear, table, fits, null, roughness)
         # whatever may be named is fitted before it is
         least = 0.5 * max((s.total for s in scored if s.p <= self.level), default=np.inf)
         missing = {s.name for s in scored if s.fit is None and s.total >= least > 0.0}
         more = candidate_starts(base, linear, table, [c for c in candidates if c.name in missing], len(missing))
         if missing:
             fits |= self._fits(base, noise, [job for job in more if job[0].name in missing])
-            scored = _scored(base, linear, table, fits, null, roughness)
+            scored = scores(base, linear, table, fits, null, roughness)
         significant = [s for s in scored if s.p <= self.level and s.total > 0.0]
         order = ranked(self._pruned(base, noise, scored, significant), significant)
         return Round(base, tuple(order), null, noise, bool(significant), found)
@@ -341,18 +238,14 @@ class Selector:
         return linearise(self.bench, noise, base, candidates, free)
 
     def _jobs(
-        self, base: Fit, linear: Linear, table: Table, first: FloatArray, candidates: Sequence[Candidate], number: int
+        self, base: Fit, linear: Linear, table: Table, first: FloatArray, candidates: Sequence[Candidate]
     ) -> list[tuple[Candidate, dict[str, float]]]:
         """Return what to fit: names whose linear change may be significant, and what no linear change shows."""
         prior = Null.of(evaluate(linear, first).total)
         likely = {n for n, total in table.total.items() if prior.p_value(n, float(total[0])) <= self.settings.likely}
         absent = _absent(candidates, base)
         asked = [c for c in candidates if c.name in likely or c.takes or absent.issuperset(c.keys)]
-        jobs = candidate_starts(base, linear, table, asked, self.settings.proposals)
-        if number == 0 and self._far(base):
-            known = {k: v for k, v in base.values.items() if k not in self.topology.free}
-            jobs += far_starts(self.bench, base, known, candidates)
-        return jobs
+        return candidate_starts(base, linear, table, asked, self.settings.proposals)
 
     def _fits(
         self, base: Fit, noise: Metric, jobs: Sequence[tuple[Candidate, Values]]
@@ -468,59 +361,3 @@ def _generous(linear: Linear, raw: FloatArray) -> FloatArray:
         _, entry, before, columns = best
         rest.remove(entry)
     return np.asarray(raw + linear.columns[:, [*linear.base, *columns]] @ before.solve(damping))
-
-
-def _scored(
-    base: Fit,
-    linear: Linear,
-    table: Table,
-    fits: Mapping[Name, tuple[Candidate, Fit]],
-    null: Null,
-    roughness: float,
-) -> list[Scored]:
-    """Return every name with its gain: of its fit where there is one, else of its linear change.
-
-    Null draws know linear changes alone. A fit that gains more has found more, or a better place on a rough likelihood.
-    So the ratio of
-    likelihoods, with what the base model's own optima differ by taken off, and one of the two tests to first order
-    (score and Wald) must both be significant.
-    """
-    found = []
-    for name in {**table.best, **fits}:
-        scored: Scored | None = None
-        if name in table.best:
-            entry = table.best[name]
-            variability: tuple[Direction, ...] = ()
-            if isinstance(entry.candidate, Phase) and entry.variance is not None:
-                group, spread = "@".join(name), float(np.sqrt(entry.variance))
-                variability = tuple(Direction(group, spread, linear.columns[:, c].copy()) for c in entry.columns)
-            p = null.p_value(name, float(trimmed(entry.gain)))
-            scored = Scored(entry.candidate, None, entry.gain, max(len(entry.columns), 2), p, variability)
-        if name in fits:
-            candidate, best = fits[name]
-            gain = gains(base.normal, best.normal, linear.bench.settings.damping)
-            if scored is None or not scored.variability or trimmed(gain) > scored.total:
-                p = null.p_value(name, float(trimmed(gain)) - roughness)
-                if not candidate.takes:
-                    # an effect that is there changes the simulation to first order, too: where it is absent, or where it is
-                    near = null.p_value(name, float(trimmed(_wald(candidate, best))))
-                    p = max(p, near if scored is None else min(near, scored.p))
-                scored = Scored(candidate, best, gain, len(candidate.keys), p)
-        assert scored is not None
-        found.append(scored)
-    return sorted(found, key=lambda s: -s.total)
-
-
-def _wald(candidate: Candidate, best: Fit) -> FloatArray:
-    """Return the gain per unit as the linear change around the fit with a candidate tells it."""
-    sizes = {key for key, _ in candidate.sizes}
-    names = [n for n, i in zip(best.names, best.interior, strict=True) if i]
-    J, scale = best.jacobian[:, best.interior], best.scale[best.interior]
-    size = np.array([best.values[n] / s if n in sizes else 0.0 for n, s in zip(names, scale, strict=True)])
-    own = np.array([n in candidate.keys for n in names], dtype=bool)
-    white = best.metric.white(np.column_stack([J, best.residual, best.residual - J @ size]))
-    p = len(names)
-    damping = best.bench.settings.damping
-    full = Normal.of(best.bench.products(white[:, [*range(p), p]]))
-    base = Normal.of(best.bench.products(white[:, [*np.flatnonzero(~own), p + 1]]))
-    return gains(base, full, damping)

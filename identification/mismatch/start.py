@@ -93,9 +93,9 @@ def compliance(bench: Bench, where: str) -> float:
 
 
 def far_starts(bench: Bench, base: Fit, known: Values, candidates: Sequence[Candidate]) -> list[Start]:
-    """Return the candidates that the equation error proposes, with all parameters as it sees them."""
+    """Return the candidates that the equation error proposes, with the model's and their own parameters as it sees them."""
     asked = [c for c in candidates if not any(k in base.values for k, _ in c.sizes)]
-    jobs: list[Start] = []
+    found: list[Start] = []
     for resting in (False, True):
         try:
             screen = Screen(bench.recordings, bench.settings, bench.pool, known, resting=resting)
@@ -112,8 +112,8 @@ def far_starts(bench: Bench, base: Fit, known: Values, candidates: Sequence[Cand
                 seen.add(p.candidate.name)
                 # the equation error has all of the handout's parameters, the model perhaps not
                 own = {k: v for k, v in p.start.items() if k in base.names or k in p.candidate.keys}
-                jobs.append((p.candidate, {**base.values, **own}))
-    return jobs
+                found.append((p.candidate, own))
+    return found
 
 
 def _positive(values: Values, topology: Topology) -> dict[str, float]:

@@ -83,6 +83,7 @@ def test_a_wrong_number_is_refused_by_the_name_of_its_option(command, option, ab
         found = parsed(command, option, value, place)
         if isinstance(found, str):
             assert option in found
+            assert value in found
             continue
         # what is taken is a number in the range
         for number in found if isinstance(found, list | tuple) else [found]:

@@ -146,7 +146,8 @@ class Effect:
     memory
         How many memory cells it keeps per place; an effect has states or memory, not both.
     fastest_rate
-        Largest rate [1/s] the effect brings for its parameter values, so that the step can be refined.
+        Largest rate [1/s] the effect brings for its parameter values and the masses of both carts [V s²/mm], so that the step
+        can be refined.
     base
         Part of every drive, compiled into the fast variant of the step.
     order
@@ -166,7 +167,7 @@ class Effect:
     reference: str = ""
     states: tuple[str, ...] = ()
     memory: int = 0
-    fastest_rate: Callable[[tuple[float, ...]], float] | None = None
+    fastest_rate: Callable[[tuple[float, ...], tuple[float, float]], float] | None = None
     base: bool = False
     order: int = 0
     symbols: Mapping[str, tuple[str, ...]] = field(default_factory=dict)

@@ -31,7 +31,7 @@ def _begin(w: int, v: float, v1: float, v2: float, u: float, z: Any, oz: int, p:
     return w
 
 
-def _fastest_rate(values: tuple[float, ...]) -> float:
+def _fastest_rate(values: tuple[float, ...], masses: tuple[float, float]) -> float:
     # the force is exact, its effect on the carts is integrated; lags below 0.2 ms need no finer steps, their impulse is tiny
     return min(1.0 / values[0], 5e3) if values[0] > 0.0 else 0.0
 

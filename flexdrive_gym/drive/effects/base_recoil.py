@@ -52,7 +52,7 @@ def _rates(
     return w
 
 
-def _fastest_rate(values: tuple[float, ...]) -> float:
+def _fastest_rate(values: tuple[float, ...], masses: tuple[float, float]) -> float:
     compliance, frequency, zeta = values
     w = 2.0 * np.pi * frequency
     return _STEPS * w * max(1.0, 2.0 * zeta) + _DRAG * compliance * w * w

@@ -50,8 +50,12 @@ def _begin(w: int, v: float, v1: float, v2: float, u: float, z: Any, oz: int, p:
     return w
 
 
-def _fastest_rate(values: tuple[float, ...]) -> float:
-    return 2.0 * np.pi * values[2] * 1.5 * max(1.0, 2.0 * values[3])
+def _fastest_rate(values: tuple[float, ...], masses: tuple[float, float]) -> float:
+    *appendages, frequency, zeta = values
+    w = 2.0 * np.pi * frequency
+    # against a free cart it is faster than on a held one, the more so the lighter the cart beside it
+    heavier = 1.0 + max(a / m for a, m in zip(appendages, masses, strict=True))
+    return w * max(1.5 * max(1.0, 2.0 * zeta), float(np.sqrt(heavier)), 2.0 * zeta * heavier)
 
 
 EFFECT = Effect(

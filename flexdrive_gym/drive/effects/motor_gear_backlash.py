@@ -58,7 +58,7 @@ def _begin(w: int, v: float, v1: float, v2: float, u: float, z: Any, oz: int, p:
     return w
 
 
-def _fastest_rate(values: tuple[float, ...]) -> float:
+def _fastest_rate(values: tuple[float, ...], masses: tuple[float, float]) -> float:
     mass, _gap, stiffness = values
     return 1.5 * float(np.sqrt(stiffness / mass)) if mass > 0.0 else 0.0
 

@@ -30,7 +30,7 @@ def _rates(
     return w
 
 
-def _fastest_rate(values: tuple[float, ...]) -> float:
+def _fastest_rate(values: tuple[float, ...], masses: tuple[float, float]) -> float:
     # deflections move at up to about 600 mm/s on such drives
     return 600.0 / values[1]
 

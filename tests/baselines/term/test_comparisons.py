@@ -127,7 +127,7 @@ def test_two_rigs_that_need_service_do_not_hide_each_other():
         assert a.ratio == pytest.approx(0.74 / 0.4, rel=0.15)
 
 
-def test_of_terms_without_a_stranger_at_most_a_twentieth_has_one():
+def test_of_terms_without_an_outlier_at_most_a_twentieth_has_one():
     rng = np.random.default_rng(2)
     hits = sum(bool(apart(term(0.4 * np.exp(0.08 * rng.standard_normal(10))))) for _ in range(40))
     assert hits <= 6  # 5 % of 40, and what chance adds in 99 % of tries

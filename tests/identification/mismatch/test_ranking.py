@@ -1,0 +1,61 @@
+"""Which candidate is named: by gains that no single experiment decides, ties by paired scores, names before free functions."""
+
+import numpy as np
+import pytest
+
+from identification.mismatch.candidates.catalogue import Candidate
+from identification.mismatch.candidates.free import Shape
+from identification.mismatch.candidates.narrow_band import made
+from identification.mismatch.ranking import Scored, ranked, tied
+from identification.mismatch.score import trimmed
+
+RNG = np.random.default_rng(0)
+
+
+def named(effect, gain, size=1):
+    keys = tuple((f"{effect}.{i}", 1.0) for i in range(size))
+    return Scored(Candidate(effect, "guide", keys), None, np.asarray(gain, dtype=float), size, 0.002)
+
+
+def free(gain):
+    return Scored(Shape("cart_1", "command", np.zeros(1), (), 0.1), None, np.asarray(gain, dtype=float), 6, 0.002)
+
+
+def test_what_one_experiment_alone_shows_gains_nothing():
+    assert trimmed(np.array([500.0, 0.0, 0.0, 0.0])) == 0.0
+
+
+def test_one_odd_experiment_does_not_hide_what_the_others_show():
+    assert trimmed(np.array([-230.0, 20.0, 20.0, 20.0, 20.0])) == 60.0
+
+
+def test_chance_gains_as_often_as_it_loses():
+    gain = RNG.normal(size=(20000, 12))
+    assert np.mean(trimmed(gain)) == pytest.approx(0.0, abs=0.05)
+
+
+def test_two_names_of_one_force_tie_and_the_simpler_one_is_named():
+    gain = RNG.uniform(5.0, 10.0, 12)
+    one, two = named("input_offset", gain), named("stribeck", gain + 1e-9, size=2)
+    assert tied(two, one)
+    assert ranked([one, two], [one, two])[0] is one
+
+
+def test_what_predicts_better_in_every_experiment_is_no_tie():
+    gain = RNG.uniform(5.0, 10.0, 12)
+    better = named("stribeck", 1.3 * gain, size=2)
+    assert not tied(better, named("input_offset", gain))
+    assert ranked([named("input_offset", gain), better], [better])[0] is better
+
+
+def test_a_name_stands_for_the_free_function_that_contains_it():
+    gain = RNG.uniform(50.0, 60.0, 12)
+    whole, nearly, half = free(gain), named("saturation", 0.95 * gain), named("dead_zone", 0.5 * gain)
+    assert ranked([whole, nearly, half], [whole, nearly, half])[0] is nearly
+    assert ranked([whole, half], [whole, half])[0] is whole
+
+
+def test_a_command_makes_its_own_frequency_and_odd_harmonics_through_friction():
+    t = np.arange(8000) * 1e-3
+    frequency = np.array([2.0, 6.0, 10.0, 7.3])
+    assert made(np.sin(2.0 * np.pi * 2.0 * t), 1e-3, frequency).tolist() == [True, True, True, False]
