@@ -26,7 +26,7 @@ from identification.replay.output_error import PHYSICS_S
 # step of a finite difference, in scaled coordinates, far above round-off: sticking makes residuals smooth only piece by piece
 _STEP = 2e-3
 # a rate times the step beyond which an effect is as good as instantaneous
-_FASTEST = 30.0
+FASTEST = 10.0
 
 
 class Metric(Protocol):
@@ -165,7 +165,7 @@ def fit(
         for _attempt in range(6 if fresh else 2):
             new = _stepped(c, z, H, g, damping)
             trial = c.to(new, start)
-            if fastest(trial)[0] * PHYSICS_S < _FASTEST:
+            if fastest(trial)[0] * PHYSICS_S < FASTEST:
                 moved = bench.residual(trial)
                 moved_white = metric.white(moved)
                 square = float(moved_white @ moved_white)

@@ -13,13 +13,10 @@ from identification.mismatch.bench import Bench
 from identification.mismatch.candidates.catalogue import Candidate
 from identification.mismatch.candidates.free import Shape
 from identification.mismatch.candidates.phases import Phase, phases
-from identification.mismatch.fit import Fit
+from identification.mismatch.fit import FASTEST, Fit
 from identification.mismatch.noise import Noise
 from identification.mismatch.score import Normal
 from identification.replay.output_error import PHYSICS_S
-
-# faster effects are as good as instantaneous
-_FASTEST = 30.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +122,7 @@ def linearise(
         for i in range(len(c.sizes)):
             effect = c.one(i)
             drives[tuple(sorted(effect.items()))] = ({**model.values, **effect}, c.sizes[i][1])
-    drives = {k: v for k, v in drives.items() if fastest(v[0])[0] * PHYSICS_S < _FASTEST}
+    drives = {k: v for k, v in drives.items() if fastest(v[0])[0] * PHYSICS_S < FASTEST}
     moved = bench.residuals([v for v, _ in drives.values()])
     here = model.residual
     found = {k: (m - here) / size for (k, (_, size)), m in zip(drives.items(), moved, strict=True)}
