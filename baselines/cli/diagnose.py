@@ -177,6 +177,7 @@ def _content(
 
 def print_diagnosis(found: Diagnosis) -> None:
     """Print what was found on a terminal."""
+    from baselines.lab.prediction_names import prediction_name  # noqa: PLC0415
     from baselines.report import words  # noqa: PLC0415
 
     say(f"verdict: {found.verdict.replace('_', ' ')}")
@@ -201,7 +202,7 @@ def print_diagnosis(found: Diagnosis) -> None:
             ["", "before [95 %]", "after [95 %]", "unit", "on the rig"],
             [
                 [
-                    words.prediction_name(p.name, found.drive.units),
+                    prediction_name(p.name, found.drive.units),
                     words.interval(p.before),
                     words.interval(p.after),
                     p.unit,

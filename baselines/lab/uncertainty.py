@@ -20,6 +20,7 @@ from math import inf, pi
 import numpy as np
 
 from baselines.lab.experiments import STABLE_GAIN, limit_in_the_lab, p_control
+from baselines.lab.prediction_names import prediction_name
 from baselines.loop_analysis.margins import margins
 from baselines.loop_analysis.stability_limit import (
     Feedback,
@@ -32,7 +33,7 @@ from baselines.loop_analysis.stability_limit import (
 from flexdrive_gym import Drive, LinearController, PControl, Recording
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.references import STROKE_MM
-from flexdrive_gym.units import Units
+from flexdrive_gym.units import LAB, Units
 
 DRAWS = 100
 _SETTLED_S, _MEAN_S = 6.0, 0.5
@@ -326,6 +327,10 @@ def interval_in_words(p: Predicted, digits: int = 4) -> str:
     return f"{low} … {high}"
 
 
-def reasons(predicted: Iterable[Predicted]) -> list[str]:
+def reasons(predicted: Iterable[Predicted], units: Units = LAB) -> list[str]:
     """Return why predictions extrapolate, one sentence for each of them."""
-    return [f"{p.name} extrapolates. {p.extrapolated}" for p in predicted if p.extrapolated is not None]
+    return [
+        f"Extrapolated: {prediction_name(p.name, units)}. {p.extrapolated}"
+        for p in predicted
+        if p.extrapolated is not None
+    ]

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import replace
 
+from baselines.lab.prediction_names import prediction_name
 from baselines.report import words
 from baselines.report.fault_table import add_faults, shaded
 from baselines.report.page import Section, render
@@ -126,7 +127,7 @@ def _tiles(d: Diagnosis) -> list[dict[str, str]]:
     if shown is not None and d.findings:
         rig = f"; the rig: {shown.measured}" if shown.measured else ""
         beyond = "; extrapolated" if shown.extrapolated else ""
-        name = words.prediction_name(shown.name, d.drive.units)
+        name = prediction_name(shown.name, d.drive.units)
         tiles.append(
             {
                 "number": f"{_number(shown.before.value)} → {_number(shown.after.value)}",
@@ -319,7 +320,7 @@ def _predictions(d: Diagnosis) -> Section:
         ),
         [
             (
-                words.prediction_name(p.name, d.drive.units),
+                prediction_name(p.name, d.drive.units),
                 *([words.interval(p.before)] if d.findings else []),
                 words.interval(p.after),
                 p.unit,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from baselines.lab.prediction_names import prediction_name
 from baselines.lab.stability_study import StabilityStudy
 from baselines.lab.uncertainty import interval_in_words, reasons
 from baselines.loop_analysis.stability_limit import LARGEST_GAIN
@@ -77,7 +78,7 @@ def _limits(study: StabilityStudy) -> Section:
 
 def _intervals(study: StabilityStudy) -> Section:
     section = Section("What another run of this rig may do", "intervals")
-    drawn = [p for p in study.predicted.values() if p.draws]
+    drawn, units = [p for p in study.predicted.values() if p.draws], study.drive.units
     section.text(
         f"Every figure was computed on {drawn[0].draws} drives drawn from the covariance over recordings and from the "
         "friction that differs between runs. The interval holds 95 % of them."
@@ -85,11 +86,18 @@ def _intervals(study: StabilityStudy) -> Section:
     section.table(
         ("figure", "of the drive", "median", "95 % interval", "unit", "extrapolated"),
         [
-            (p.name, _cell(p.value), _cell(p.median), interval_in_words(p), p.unit, "yes" if p.extrapolated else "no")
-            for p in (p.of_rig(study.drive.units) for p in drawn)
+            (
+                prediction_name(p.name, units),
+                _cell(p.value),
+                _cell(p.median),
+                interval_in_words(p),
+                p.unit,
+                "yes" if p.extrapolated else "no",
+            )
+            for p in (p.of_rig(units) for p in drawn)
         ],
     )
-    for sentence in reasons(drawn):
+    for sentence in reasons(drawn, units):
         section.text(sentence)
     return section
 

@@ -6,10 +6,8 @@ import math
 import re
 from collections.abc import Iterable
 
-from baselines.lab.experiments import STABLE_GAIN
+from baselines.lab.prediction_names import prediction_name
 from flexdrive_gym.drive.effects import EFFECTS
-from flexdrive_gym.references import STROKE_MM
-from flexdrive_gym.units import LAB, Units
 from identification.mismatch.verdict import Diagnosis, Finding, Interval, Prediction, RecordingFit
 from identification.quantities import HANDOUT_RATIOS
 
@@ -115,19 +113,6 @@ def worse_sentences(d: Diagnosis) -> list[str]:
     kind = "report recordings" if report else "recordings"
     shown = listed(f"{f.recording} ({rms(f.before_rms)} → {rms(f.after_rms)} {f.unit})" for f in worse)
     return [f"{len(worse)} of {len(report or d.per_recording)} {kind} got worse: {shown}."]
-
-
-def prediction_name(name: str, units: Units = LAB) -> str:
-    """Return a prediction's name in words."""
-    gain = units.text(STABLE_GAIN, "V/mm")
-    if name == "steady_error":
-        return f"error after a step of {units.text(STROKE_MM, 'mm')} at Kp = {gain}"
-    for feedback in ("x1", "x2"):
-        name = name.replace(f"critical_gain_{feedback}_", f"critical gain from {feedback}, ")
-        name = name.replace(f"phase_margin_{feedback}", f"phase margin from {feedback} at Kp = {gain}")
-    return {"resonance_hz": "resonance frequency", "damping_ratio": "damping ratio"}.get(name, name).replace(
-        "trajectory", "lab's trajectory"
-    )
 
 
 def figure(value: float | None) -> str:

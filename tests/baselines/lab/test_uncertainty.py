@@ -105,7 +105,7 @@ def test_a_motion_beyond_the_recordings_extrapolates_and_says_why():
     assert "it vibrates at 2." in extrapolation(slow, motion)
     found = predict(near, ["critical_gain_x2_simulated", *LINEAR], draws=2)
     assert reasons(found.values()) == [
-        f"critical_gain_x2_simulated extrapolates. {found['critical_gain_x2_simulated'].extrapolated}"
+        f"Extrapolated: critical gain from x2, simulated. {found['critical_gain_x2_simulated'].extrapolated}"
     ]
 
 
