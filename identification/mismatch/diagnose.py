@@ -154,7 +154,7 @@ class _Result:
 
     @cached_property
     def model(self) -> Fit:
-        return output_error(self.bench, self.selection.model) if self.selection.accepted else self.base
+        return output_error(self.bench, self.selection.model, self.base) if self.selection.accepted else self.base
 
     @property
     def runs(self) -> Sequence[Recording]:
@@ -237,7 +237,7 @@ class _Result:
     def finding(self, scored: Scored, step: Round, drive: Drive) -> Finding:
         """Return an accepted candidate with what speaks for it."""
         before = output_error(self.bench, step.base)
-        after = before if scored.fit is None else output_error(self.bench, scored.fit)
+        after = before if scored.fit is None else output_error(self.bench, scored.fit, before)
         ties = step.ties()
         judged = self.split.report or self.runs
         compared = [scored, *(t for t in ties if t.fit is not None)]

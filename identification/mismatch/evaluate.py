@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexdrive_gym.recording import FloatArray
+from identification.mismatch.bench import Bench
 from identification.mismatch.candidates.catalogue import Candidate
 from identification.mismatch.candidates.free import Shape
 from identification.mismatch.candidates.narrow_band import Line, lines
@@ -48,15 +49,19 @@ class Table:
         Name to the gain of its best entry, ndarray, shape (data sets,).
     best
         Name to its best entry in the first data set.
+    entries
+        Name to all its entries, with their gains in the first data set.
     """
 
     total: dict[Name, FloatArray]
     best: dict[Name, Best]
+    entries: dict[Name, list[tuple[float, Best]]]
 
     def take(self, entry: Best, gain: FloatArray) -> None:
         """Keep the better one of a name's entries in every data set; ``gain`` has the shape (U, data sets)."""
         name = entry.candidate.name
         total = trimmed(gain.T)
+        self.entries.setdefault(name, []).append((float(total[0]), entry))
         if name not in self.total:
             self.total[name], self.best[name] = total, entry
             return
@@ -77,7 +82,7 @@ def evaluate(linear: Linear, residual: FloatArray) -> Table:
     damping = linear.bench.settings.damping
     g, square = linear.gradient(residual), linear.square(residual)
     base, steps = _left_out(linear, linear.base, g, square, damping)
-    table = Table({}, {})
+    table = Table({}, {}, {})
     for entry in linear.entries:
         if not entry.random:
             left, _ = _left_out(linear, [*linear.base, *entry.columns], g, square, damping)
@@ -120,10 +125,23 @@ def _random(linear: Linear, rest: FloatArray, entries: Sequence[Entry]) -> list[
     """Return the gains of effects whose amplitudes differ from run to run, and the variances of these."""
     if not entries:
         return []
-    bench, use = linear.bench, [c for e in entries for c in e.columns]
+    return random_gains(linear.bench, linear.white[:, [c for e in entries for c in e.columns]], rest)
+
+
+def random_gains(bench: Bench, columns: FloatArray, rest: FloatArray) -> list[tuple[FloatArray, float]]:
+    """Return the gains of pairs of columns whose amplitudes differ from run to run, and the variances of these.
+
+    Parameters
+    ----------
+    columns : ndarray, shape (N, 2 P)
+        Whitened, two of every pair.
+    rest : ndarray, shape (N, data sets)
+        Whitened rows that the others' optimum leaves.
+    """
+    pairs = columns.shape[1] // 2
     information, form = [], []
     for rows in bench.rows:
-        S = linear.white[rows][:, use].reshape(-1, len(entries), 2)
+        S = columns[rows].reshape(-1, pairs, 2)
         H = np.einsum("npi,npj->pij", S, S)
         g = np.tensordot(S, rest[rows], axes=(0, 0))
         # turned until sine and cosine do not correlate, and scaled to one information
@@ -134,4 +152,4 @@ def _random(linear: Linear, rest: FloatArray, entries: Sequence[Entry]) -> list[
         information.append(own)
         form.append(np.sum(turned**2, axis=1))
     gain, variance = leave_one_out_variance(np.array(form), np.array(information), bench.units)
-    return [(gain[:, p], float(variance[p])) for p in range(len(entries))]
+    return [(gain[:, p], float(variance[p])) for p in range(pairs)]

@@ -32,12 +32,16 @@ class Levels:
     weights: FloatArray
 
     @classmethod
-    def of(cls, bench: Bench, raw: FloatArray) -> Levels:
-        """Return the levels that a residual shows, never below what encoder counts make."""
-        weights = np.zeros(len(raw))
+    def of(cls, bench: Bench, *raw: FloatArray) -> Levels:
+        """Return the lowest levels that any of several residuals shows, never below what encoder counts make.
+
+        A recording that a model describes badly counts for it as much as for one that describes it better.
+        """
+        weights = np.zeros(len(bench.valid))
         for piece, floor in zip(bench.pieces, bench.floor, strict=True):
-            e = raw[piece.rows][bench.valid[piece.rows]]
-            variance = max(float(np.mean(e**2)), float(floor)) if len(e) else 1.0
+            own = bench.valid[piece.rows]
+            lowest = min(float(np.mean(e[piece.rows][own] ** 2)) for e in raw) if own.any() else 1.0
+            variance = max(lowest, float(floor))
             weights[piece.rows] = bench.valid[piece.rows] / np.sqrt(variance)
         return cls(weights)
 
@@ -46,9 +50,17 @@ class Levels:
         return np.asarray(x * (self.weights if x.ndim == 1 else self.weights[:, None]))
 
 
-def output_error(bench: Bench, near: Fit) -> Fit:
-    """Return the optimum of the output error from another optimum of the same parameters."""
+def output_error(bench: Bench, near: Fit, *others: Fit) -> Fit:
+    """Return the optimum of the output error from another optimum of the same parameters.
+
+    Parameters
+    ----------
+    others
+        Models that it is to be held against: their levels count, too, and their parameters are another start.
+    """
     best = near
     for _ in range(_ROUNDS):
-        best = fit(bench, Levels.of(bench, best.residual), best.values, best.names)
+        levels = Levels.of(bench, best.residual, *(o.residual for o in others))
+        starts = [best.values, *({**best.values, **o.values} for o in others)]
+        best = min((fit(bench, levels, start, near.names) for start in starts), key=lambda f: f.cost)
     return best

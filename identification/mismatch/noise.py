@@ -51,6 +51,8 @@ _MAXIMISATIONS = 6
 _LEAST, _MOST = 0.25, 4.0
 # rows over which a scatter is smoothed: 15 ms, the time of a slip
 _NEIGHBOURS = 3
+# innovation that one row of a normal data set of 40,000 reaches
+_EDGE = 4.2
 # singular values under which a direction is lost in the noise
 _SEEN = 0.1
 
@@ -202,26 +204,36 @@ def estimate(bench: Bench, values: Values, residual: FloatArray, found: Sequence
     return noise
 
 
-def scattered(noise: Noise, rows: FloatArray, found: Sequence[Direction]) -> Noise:
-    """Return the noise with less weight on rows that simulated noise scatters more widely than the filter expects.
+def scattered(noise: Noise, rows: FloatArray, left: FloatArray, found: Sequence[Direction]) -> Noise:
+    """Return the noise with less weight on rows that are no normal noise.
 
     Near rest a little force decides whether a cart slips. Rows there are as far from each other in simulations of the
-    same drive as they are from the data, and no candidate may gain from them.
+    same drive as they are from the data, and no candidate may gain from them. Nor may it from a blow: what is far outside of a
+    normal distribution counts as if it were at its edge (P. J. Huber, Ann. Math. Statist. 35, 1964).
 
     Parameters
     ----------
     rows : ndarray, shape (N, draws)
         Raw rows of simulated data sets.
+    left : ndarray, shape (N,)
+        Raw rows of a generous model.
     """
     bench = noise.bench
     square = np.mean(noise.innovations(rows)[0] ** 2, axis=1)
+    blows = (noise.white(left) / _EDGE) ** 2
     for p in bench.pieces:
         square[p.rows] = maximum_filter1d(uniform_filter1d(square[p.rows], _NEIGHBOURS), _NEIGHBOURS)
-    plain = replace(noise, weights=1.0 / np.sqrt(np.maximum(square, 1.0)))
+        square[p.rows] = np.maximum(square[p.rows], maximum_filter1d(blows[p.rows], _NEIGHBOURS))
+    return damped(replace(noise, weights=1.0 / np.sqrt(np.maximum(square, 1.0))), found)
+
+
+def damped(noise: Noise, found: Sequence[Direction]) -> Noise:
+    """Return the noise with other run-to-run variability."""
+    plain = replace(noise, modes=())
     if not found:
         return plain
     white, _ = plain.innovations(np.column_stack([d.change * d.size for d in found]))
-    return replace(plain, modes=_modes(bench, white, found, noise.scale))
+    return replace(plain, modes=_modes(noise.bench, white, found, noise.scale))
 
 
 def _level(bench: Bench, values: Values) -> tuple[float, float]:

@@ -32,9 +32,7 @@ _UPPER, _NORMAL = (0.9, 0.99), (1.2816, 2.3263)
 _LEAST = 1.5
 # draws made at a time, and the first of them, which tell the weights
 _CHUNK, _FIRST = 60, 120
-# time in which an unknown force changes [s]
-_FASTEST_S = 0.01
-# so many better draws end the series
+# so many better draws end the series; none in half of the draws ends it, too
 _ENOUGH = 15
 
 
@@ -76,11 +74,17 @@ class Null:
 
 
 def first_draws(
-    bench: Bench, values: Values, noise: Noise, found: Sequence[Direction], seed: Sequence[int]
+    bench: Bench, values: Values, noise: Noise, found: Sequence[Direction], left: FloatArray, seed: Sequence[int]
 ) -> tuple[Noise, FloatArray]:
-    """Return the noise with the weights that simulations of it tell, and their whitened rows, shape (N, draws)."""
+    """Return the noise with the weights that simulations of it and what a generous model left tell, and their whitened rows.
+
+    Returns
+    -------
+    Noise
+    ndarray, shape (N, draws)
+    """
     raw = simulated(bench, values, noise, found, range(_FIRST), seed)
-    noise = scattered(noise, raw, found)
+    noise = scattered(noise, raw, left, found)
     return noise, noise.white(raw)
 
 
@@ -116,7 +120,8 @@ def null_of(
     while True:
         null = Null.of({n: np.concatenate([t.total[n] for t in gains]) for n in data.total})
         best = min(null.p_value(n, float(own[0])) for n, own in data.total.items())
-        if made >= bench.settings.draws or best * (made + 1) > _ENOUGH:
+        most = bench.settings.draws
+        if made >= most or best * (made + 1) > _ENOUGH or (made >= most // 2 and best * (made + 1) <= 1.0):
             return null
         rows = noise.white(simulated(bench, values, noise, found, range(made, made + _CHUNK), seed))
         gains.append(evaluate(linear, rows))
@@ -161,11 +166,8 @@ def _forces(noise: Noise, r: int, n: int, h: float, rng: np.random.Generator) ->
     """Return unknown forces on both carts, shape (2, n) [V]."""
     own, found = float(noise.own[r]), np.empty((2, n))
     keep = float(np.exp(-h / noise.forces.time_s))
-    # blocks of rows tell nothing of what is faster than this
-    knots = np.arange(0.0, (n + 1) * h + _FASTEST_S, _FASTEST_S)
-    at = h * np.arange(n)
     for c in range(2):
-        white = np.interp(at, knots, rng.standard_normal(len(knots)) * noise.forces.white[c] / np.sqrt(_FASTEST_S))
+        white = rng.standard_normal(n) * noise.forces.white[c] / np.sqrt(h)
         drive = rng.standard_normal(n) * noise.forces.slow[c] * np.sqrt(1.0 - keep**2)
         drive[0] = rng.standard_normal() * noise.forces.slow[c]
         found[c] = own * (white + lfilter([1.0], [1.0, -keep], drive))

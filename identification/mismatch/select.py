@@ -13,10 +13,10 @@ from identification.mismatch.candidates.catalogue import Candidate, catalogue
 from identification.mismatch.candidates.free import Shape, shapes
 from identification.mismatch.candidates.narrow_band import Line
 from identification.mismatch.candidates.phases import Phase
-from identification.mismatch.evaluate import Name, Table, evaluate
+from identification.mismatch.evaluate import Name, Table, evaluate, random_gains
 from identification.mismatch.fit import Fit, Metric, fit
 from identification.mismatch.linear import Linear, linearise
-from identification.mismatch.noise import Noise, estimate, first_noise
+from identification.mismatch.noise import Noise, damped, estimate, first_noise
 from identification.mismatch.nuisance import Direction, directions, dry_level
 from identification.mismatch.null import Null, first_draws, null_of
 from identification.mismatch.ranking import Round, Scored, nameless, ranked, scores, tied
@@ -194,15 +194,16 @@ class Selector:
         model = whole
         fits: dict[Name, tuple[Candidate, Fit]] = {}
         for turn in range(2):
-            # what is noise is told by a model that lacks nothing: first one that has candidates linearly, then the best fit
+            # what is noise is told by a model that lacks nothing: one that has candidates linearly, around the best fit there is
             found = (*directions(bench, model.values), *phases)
-            noise = estimate(bench, model.values, model.residual, found)
             if turn == 0:
+                noise = estimate(bench, model.values, model.residual, found)
                 base = fit(bench, noise, base.values, base.names)
                 linear = self._linear(base, noise, candidates)
-                if len(whole.names) == len(base.names):
-                    noise = estimate(bench, base.values, _generous(linear, base.residual), found)
-            noise, first = first_draws(bench, base.values, noise, found, seed)
+            near = base if len(whole.names) == len(base.names) and turn == 0 else model
+            left = _generous(linear.around(near, noise), near.residual)
+            noise = estimate(bench, near.values, left, found)
+            noise, first = first_draws(bench, base.values, noise, found, left, seed)
             base = fit(bench, noise, base.values, base.names)
             linear = linear.around(base, noise)
             table = evaluate(linear, linear.residual[:, None])
@@ -213,7 +214,7 @@ class Selector:
             ]
             fits = self._fits(base, noise, jobs)
             model = min((f for _, f in fits.values()), key=lambda f: f.cost, default=base)
-            if model.cost > (1.0 - self.settings.large) * base.cost:
+            if model.cost > base.cost - 2.0 * self.settings.again:
                 break
         better, roughness = self._better_base(base, noise, fits)
         if better is not base:
@@ -222,10 +223,11 @@ class Selector:
         null = null_of(linear, base.values, noise, found, first, table, seed)
         scored = scores(base, linear, table, fits, null, roughness)
         # whatever may be named is fitted before it is
-        least = 0.5 * max((s.total for s in scored if s.p <= self.level), default=np.inf)
+        least = 0.5 * max((s.total for s in scored if s.p <= self.settings.likely), default=np.inf)
         missing = {s.name for s in scored if s.fit is None and s.total >= least > 0.0}
-        more = candidate_starts(base, linear, table, [c for c in candidates if c.name in missing], len(missing))
         if missing:
+            asked = [c for c in candidates if c.name in missing]
+            more = candidate_starts(base, linear, table, asked, sorted(missing), len(missing))
             fits |= self._fits(base, noise, [job for job in more if job[0].name in missing])
             scored = scores(base, linear, table, fits, null, roughness)
         significant = [s for s in scored if s.p <= self.level and s.total > 0.0]
@@ -240,12 +242,10 @@ class Selector:
     def _jobs(
         self, base: Fit, linear: Linear, table: Table, first: FloatArray, candidates: Sequence[Candidate]
     ) -> list[tuple[Candidate, dict[str, float]]]:
-        """Return what to fit: names whose linear change may be significant, and what no linear change shows."""
+        """Return what to fit: names whose linear change is the least like chance, and what no linear change shows."""
         prior = Null.of(evaluate(linear, first).total)
-        likely = {n for n, total in table.total.items() if prior.p_value(n, float(total[0])) <= self.settings.likely}
-        absent = _absent(candidates, base)
-        asked = [c for c in candidates if c.name in likely or c.takes or absent.issuperset(c.keys)]
-        return candidate_starts(base, linear, table, asked, self.settings.proposals)
+        order = sorted(table.total, key=lambda n: -prior.score(n, float(table.total[n][0])))
+        return candidate_starts(base, linear, table, candidates, order, self.settings.proposals)
 
     def _fits(
         self, base: Fit, noise: Metric, jobs: Sequence[tuple[Candidate, Values]]
@@ -319,25 +319,29 @@ class Selector:
     ) -> tuple[list[tuple[Scored, Round]], Fit]:
         """Leave out what no longer predicts beside all others, the least first."""
         while len(taken) > 1:
-            noise = last.noise
-            model = fit(self.bench, noise, model.values, model.names)
-            weakest: tuple[float, int, Fit] | None = None
-            for i, (scored, _) in enumerate(taken):
-                if not isinstance(scored.candidate, Candidate):
-                    continue
-                names = [n for n in model.names if n not in scored.candidate.keys]
-                values = {k: v for k, v in model.values.items() if k not in scored.candidate.keys}
-                _give_back(values, scored.candidate, model.values, names)
-                without = fit(self.bench, noise, values, names)
-                gain = gains(without.normal, model.normal, self.settings.damping)
-                p = last.null.p_value(scored.name, float(trimmed(gain)))
-                if weakest is None or p > weakest[0]:
-                    weakest = p, i, without
-            if weakest is None or weakest[0] <= self.level:
+            model = fit(self.bench, last.noise, model.values, model.names)
+            left_out = [self._without(scored, model, last) for scored, _ in taken]
+            weakest = max(range(len(taken)), key=lambda i: left_out[i][0])
+            if left_out[weakest][0] <= self.level:
                 break
-            model = weakest[2]
-            del taken[weakest[1]]
+            model = left_out[weakest][1]
+            del taken[weakest]
         return taken, model
+
+    def _without(self, scored: Scored, model: Fit, last: Round) -> tuple[float, Fit]:
+        """Return the p-value of an accepted candidate beside all others, and the model without it."""
+        if not isinstance(scored.candidate, Candidate):
+            own = {d.group for d in scored.variability}
+            noise = damped(last.noise, [d for d in last.variability if d.group not in own])
+            columns = noise.white(np.column_stack([d.change for d in scored.variability]))
+            ((gain, _),) = random_gains(self.bench, columns, noise.white(model.residual)[:, None])
+            return last.null.p_value(scored.name, float(trimmed(gain[:, 0]))), model
+        names = [n for n in model.names if n not in scored.candidate.keys]
+        values = {k: v for k, v in model.values.items() if k not in scored.candidate.keys}
+        _give_back(values, scored.candidate, model.values, names)
+        without = fit(self.bench, last.noise, values, names)
+        gain = gains(without.normal, model.normal, self.settings.damping)
+        return last.null.p_value(scored.name, float(trimmed(gain))), without
 
 
 def _generous(linear: Linear, raw: FloatArray) -> FloatArray:

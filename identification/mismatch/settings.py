@@ -31,21 +31,25 @@ class Settings:
         Weight of a recording's own residual variance against that expected from its signal [1]. Variances wholly free reward a
         wrong model for fitting few quiet recordings exactly; variances wholly expected ignore a noisy one.
     proposals
-        Candidates fitted per round for what their linear change gains, and half as many by each screen of the equation error.
+        Candidates fitted per round, those whose linear changes are the least like chance, and half as many by each screen of the
+        equation error.
     likely
-        P-value of a linear change, in few draws, up to which a candidate is fitted at all: ten times the level.
+        P-value of a linear change up to which a candidate that was not proposed is fitted, too, before another is named.
     finished
         Candidates per round whose fits are carried to the end; the others are left after a few steps, for none of them came
         within half of the best one's gain on development data.
     large
-        Share of the squared error that a candidate explains, from which on the noise is estimated again around its fit [1].
+        Share of the squared error that a candidate explains, from which on it brings a simulation near that was far [1].
+    again
+        Log-likelihood that a fit gains, from which on the noise is estimated again around it: unknown forces take over what a
+        model lacks, and hide it. Best fits to data that lack nothing gain about 10.
     far
         Share of the signal's variance that a simulation misses, beyond which the equation error proposes candidates, too [1].
     generous
         Largest number of further candidates that the generous model takes in linearly: enough for what is left besides the
         effect in question, few against the rows of one recording.
     draws
-        Null draws; 999 resolve p = 0.001.
+        Null draws: 480 resolve p = 0.002, and half of them are enough where no draw reaches what was found.
     few
         Recordings under which sign flips are too few and Webb's six-point weights are used: 2^(12 - 1) = 2048 flips.
     rounds
@@ -73,6 +77,7 @@ class Settings:
     likely: float = 0.2
     finished: int = 6
     large: float = 0.2
+    again: float = 20.0
     far: float = 0.05
     generous: int = 6
     draws: int = 480

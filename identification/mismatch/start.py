@@ -19,6 +19,8 @@ from identification.mismatch.screen import Screen, TooShortError
 from identification.topology import Topology
 
 Start = tuple[Candidate, dict[str, float]]
+# shapes that a leading candidate is fitted from
+_SHAPES = 3
 
 
 def base_starts(bench: Bench, topology: Topology) -> list[dict[str, float]]:
@@ -38,29 +40,44 @@ def base_starts(bench: Bench, topology: Topology) -> list[dict[str, float]]:
 
 
 def candidate_starts(
-    base: Fit, linear: Linear, table: Table, candidates: Sequence[Candidate], most: int
+    base: Fit, linear: Linear, table: Table, candidates: Sequence[Candidate], order: Sequence[Name], most: int
 ) -> list[Start]:
-    """Return the leading candidates around the simulation with their sizes, their look-alikes, and what a cart at rest hides."""
+    """Return the leading candidates around the simulation with their sizes, their look-alikes, and what a cart at rest hides.
+
+    Parameters
+    ----------
+    order
+        Names, the most promising first.
+    most
+        So many lead.
+    """
     damping, asked = linear.bench.settings.damping, {c.name for c in candidates}
     residual = linear.residual[:, None]
     g, square = linear.gradient(residual)[..., 0], linear.square(residual)[:, 0]
-    found: dict[Name, Start] = {}
-    for name in sorted(table.total, key=lambda n: -table.total[n][0]):
-        entry = table.best[name]
-        candidate = entry.candidate
-        if not isinstance(candidate, Candidate) or name not in asked:
-            continue
-        sizes = linear.normal(g, square, entry.columns).solve(damping)[len(linear.base) :]
+
+    def start(candidate: Candidate, columns: Sequence[int]) -> Start:
+        sizes = linear.normal(g, square, columns).solve(damping)[len(linear.base) :]
         own = {}
-        for (key, start), size in zip(candidate.sizes, sizes, strict=True):
+        for (key, usual), size in zip(candidate.sizes, sizes, strict=True):
             q = parameter(key)
-            least = 0.1 * start
+            least = 0.1 * usual
             # a size of the wrong sign cannot be fitted from null, where there is no slope to see
             own[key] = float(np.clip(size, q.lower, q.upper)) if abs(size) > abs(least) and size > q.lower else least
-        found[name] = candidate, {**base.values, **candidate.start, **own}
+        return candidate, {**base.values, **candidate.start, **own}
+
+    found: dict[Name, list[Start]] = {}
+    for name in (n for n in order if n in asked):
+        shapes: dict[object, Start] = {}
+        for _, entry in sorted(table.entries[name], key=lambda item: -item[0]):
+            if isinstance(entry.candidate, Candidate) and len(shapes) < _SHAPES:
+                # a fit leads to another optimum from another shape
+                key = entry.candidate.shapes or entry.candidate.sizes
+                shapes.setdefault(key, start(entry.candidate, entry.columns))
+        if shapes:
+            found[name] = list(shapes.values())
     leading = list(found)[:most]
     alike = [n for n in list(found)[most:] if any(n[0] in look_alikes(i) for i, _ in leading[:3])]
-    jobs = [found[n] for n in (*leading, *alike)]
+    jobs = [s for n in leading for s in found[n]] + [found[n][0] for n in alike]
     # what a cart at rest hides has no sensitivity: it is always asked for, with the friction that hides it taken over
     hidden = {c.name: c for c in candidates if c.takes and not any(k in base.values for k in c.keys)}
     for candidate in hidden.values():

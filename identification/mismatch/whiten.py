@@ -98,18 +98,23 @@ def innovations(
     total, settled = 0.0, False
     variance = np.zeros(carts)
     before = np.zeros((carts, n))
-    step, moved, shown = np.zeros((n, n)), np.zeros(n), np.zeros(n)
+    step, moved, shown, error = np.zeros((n, n)), np.zeros((n, columns)), np.zeros(n), np.zeros(columns)
     for b in range(blocks):
         A, Q = As[mode[b]], Qs[mode[b]]
         if b > 0 and mode[b] != mode[b - 1]:
             settled = False
-        for j in range(columns):
-            for i in range(n):
-                moved[i] = 0.0
-                for k in range(n):
-                    moved[i] += A[i, k] * z[k, j]
-            for i in range(n):
-                z[i, j] = moved[i]
+        for i in range(n):
+            for j in range(columns):
+                moved[i, j] = 0.0
+            for k in range(n):
+                a = A[i, k]
+                # half of a transition is zero, and columns lie side by side
+                if a != 0.0:
+                    for j in range(columns):
+                        moved[i, j] += a * z[k, j]
+        for i in range(n):
+            for j in range(columns):
+                z[i, j] = moved[i, j]
         if b > 0:
             for c in range(carts):
                 if valid[c, b] != valid[c, b - 1]:
@@ -120,13 +125,20 @@ def innovations(
             for i in range(n):
                 for k in range(n):
                     step[i, k] = 0.0
-                    for m in range(n):
-                        step[i, k] += A[i, m] * P[m, k]
+                for m in range(n):
+                    a = A[i, m]
+                    if a != 0.0:
+                        for k in range(n):
+                            step[i, k] += a * P[m, k]
             for i in range(n):
                 for k in range(n):
                     P[i, k] = Q[i, k]
-                    for m in range(n):
-                        P[i, k] += step[i, m] * A[k, m]
+            for k in range(n):
+                for m in range(n):
+                    a = A[k, m]
+                    if a != 0.0:
+                        for i in range(n):
+                            P[i, k] += step[i, m] * a
         change = 0.0
         for c in range(carts):
             if not valid[c, b]:
@@ -147,10 +159,12 @@ def innovations(
                         P[i, k] -= gain[c, i] * shown[k]
             scale = 1.0 / np.sqrt(variance[c])
             for j in range(columns):
-                e = y[c, b, j] - z[row, j] - z[6 + c, j]
-                out[c, b, j] = e * scale
-                for i in range(n):
-                    z[i, j] += gain[c, i] * e
+                error[j] = y[c, b, j] - z[row, j] - z[6 + c, j]
+                out[c, b, j] = error[j] * scale
+            for i in range(n):
+                own = gain[c, i]
+                for j in range(columns):
+                    z[i, j] += own * error[j]
             if not (mode[b] >> c) & 1:
                 total += np.log(variance[c])
         if change < _SETTLED and b > 0:

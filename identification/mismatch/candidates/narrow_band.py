@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from flexdrive_gym.recording import BoolArray, FloatArray
 from identification.mismatch.bench import Bench
@@ -69,7 +70,8 @@ def lines(bench: Bench, rest: FloatArray) -> list[tuple[Line, FloatArray]]:
     """
     step = max(run.block * run.sample_time for run in bench.runs)
     longest = max(len(run.u) * run.sample_time for run in bench.runs)
-    frequency = np.arange(_LOWEST, min(_HIGHEST, 0.4 / step), 1.0 / (_FINER * longest))
+    apart = 1.0 / (_FINER * longest)
+    frequency = apart * np.arange(np.ceil(_LOWEST / apart), min(_HIGHEST, 0.4 / step) / apart)
     if len(frequency) < 2:
         return []
     silent = [~made(run.u, run.sample_time, frequency) for run in bench.runs]
@@ -87,13 +89,9 @@ def _gains(
     power, count = [], []
     for p in bench.pieces:
         if p.cart == cart:
-            run = bench.runs[p.recording]
-            t = run.block * run.sample_time * np.arange(p.rows.stop - p.rows.start)
-            n = len(t)
-            turn = np.exp(-2j * np.pi * np.outer(frequency, t))
-            own = silent[p.recording]
-            power.append(np.abs(turn @ rest[p.rows]) ** 2 * own[:, None])
-            count.append(0.5 * max(float(bench.valid[p.rows].sum()), 1.0) * own if n else own * 1.0)
+            run, own = bench.runs[p.recording], silent[p.recording]
+            power.append(np.abs(_spectrum(rest[p.rows], run.block * run.sample_time, frequency)) ** 2 * own[:, None])
+            count.append(0.5 * max(float(bench.valid[p.rows].sum()), 1.0) * own)
     gain, _ = leave_one_out_variance(np.array(power), np.array(count), bench.units)
     best = np.argmax(gain.sum(axis=0), axis=0)
     return np.take_along_axis(gain, best[None, None, :], axis=1)[:, 0], int(best[0])
@@ -103,12 +101,17 @@ def made(command: FloatArray, sample_time: float, frequency: FloatArray) -> Bool
     """Return at which frequencies a command itself, or what friction makes of it, has power."""
     stride = max(1, int(0.4 / (_HIGHEST * sample_time)) // 2)
     u = command[::stride]
-    t = stride * sample_time * np.arange(len(u))
-    turn = np.exp(-2j * np.pi * np.outer(frequency, t)) * np.hanning(len(u))
+    window = np.hanning(len(u))
     found = np.zeros(len(frequency), dtype=np.bool_)
     for part in (u, np.sign(u), np.abs(u)):
-        wave = part - part.mean()
-        everywhere = np.abs(np.fft.rfft(wave * np.hanning(len(u)))) ** 2
+        wave = (part - part.mean()) * window
         if np.any(wave):
-            found |= np.abs(turn @ wave) ** 2 > _MADE * everywhere.max()
+            own = np.abs(_spectrum(wave[:, None], stride * sample_time, frequency)[:, 0]) ** 2
+            found |= own > _MADE * float(np.max(np.abs(np.fft.rfft(wave)) ** 2))
     return found
+
+
+def _spectrum(rows: FloatArray, step: float, frequency: FloatArray) -> npt.NDArray[np.complex128]:
+    """Return the Fourier transform of columns at evenly spaced frequencies, shape (frequencies, columns)."""
+    n = max(len(rows), round(1.0 / (float(frequency[1] - frequency[0]) * step)))
+    return np.asarray(np.fft.rfft(rows, n, axis=0)[np.rint(frequency * n * step).astype(np.int64)])
