@@ -68,9 +68,7 @@ EFFECT = Effect(
     parameters=(
         Parameter("mass_1", "V s²/mm", 0.0, 0.0, 1.0, "appendage of cart 1, besides m1", (3e-5, 1e-4)),
         Parameter("mass_2", "V s²/mm", 0.0, 0.0, 1.0, "appendage of cart 2, besides m2", (3e-5, 1e-4)),
-        Parameter(
-            "frequency", "Hz", 15.0, 1.0, 200.0, "its frequency on a held cart", _GRID, role="shape"
-        ),
+        Parameter("frequency", "Hz", 15.0, 1.0, 200.0, "its frequency on a held cart", _GRID, role="shape"),
         Parameter("zeta", "1", 0.02, 0.0, 1.0, "its damping ratio", (0.05,), role="shape"),
     ),
     hooks={"cart:cart_1": _cart_1, "cart:cart_2": _cart_2, "rates": _rates, "begin": _begin},  # type: ignore[dict-item]
