@@ -89,7 +89,7 @@ class Coordinates:
         self.log = np.array([_logarithmic(n) for n in names], dtype=bool)
         self.scale = np.array([_typical(n, start) for n in names])
         limits = [(bounds or {}).get(n, (parameter(n).lower, parameter(n).upper)) for n in names]
-        low, high = np.array(limits, dtype=np.float64).reshape(-1, 2).T
+        self.lower, self.upper = low, high = np.array(limits, dtype=np.float64).reshape(-1, 2).T
         with np.errstate(divide="ignore"):
             self.low = np.where(self.log, np.log(np.maximum(low, 1e-300)), low / self.scale)
             self.high = np.where(self.log, np.log(np.maximum(high, 1e-300)), high / self.scale)
@@ -103,7 +103,8 @@ class Coordinates:
     def to(self, z: FloatArray, values: Values) -> dict[str, float]:
         """Return the drive at coordinates."""
         z = np.clip(z, self.low, self.high)
-        x = np.where(self.log, np.exp(np.where(self.log, z, 0.0)), z * self.scale)
+        # rounding must not lead across a bound
+        x = np.clip(np.where(self.log, np.exp(np.where(self.log, z, 0.0)), z * self.scale), self.lower, self.upper)
         return {**values, **{n: float(v) for n, v in zip(self.names, x, strict=True)}}
 
     def rate(self, z: FloatArray) -> FloatArray:
