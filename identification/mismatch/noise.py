@@ -31,7 +31,8 @@ from identification.mismatch.nuisance import Direction, dry_level
 from identification.mismatch.whiten import transitions, whitened
 
 # intensity of white forces [s^½], standard deviation of slow ones [1], relative to dry friction, and their time [s],
-# where a search begins: what two recorded rigs have (``python -m benchmarks forces``)
+# where a search begins; it ends anywhere within a factor of fifty, for which the prior below asks no more than a few units of
+# log-likelihood
 WHITE, SLOW, TIME_S = 0.01, 0.1, 0.3
 # share of the command that unknown forces may have: more is something left out; white ones as their mean over so many seconds
 _MOST_OF_COMMAND, _MEAN_S = 0.1, 0.05
