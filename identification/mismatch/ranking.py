@@ -24,8 +24,21 @@ from identification.mismatch.score import Normal, gains, studentised, trimmed
 TIE = 2.0
 # share of a gain that is no difference between two candidates
 NEGLIGIBLE = 0.01
-# share of a free function's gain from which on a name stands for it
-NEARLY = 0.9
+# effects that change a level of dry friction, which must be there first
+REFINE_FRICTION = frozenset(
+    {
+        "breakaway",
+        "coulomb_asymmetry",
+        "friction_drift",
+        "load_friction",
+        "position_friction",
+        "presliding",
+        "saturating_friction",
+        "stribeck",
+    }
+)
+# share of a free function's gain from which on a name stands for it: most of it
+MOST = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,16 +132,19 @@ def ranked(scored: Sequence[Scored], significant: Sequence[Scored]) -> list[Scor
 
     Of the significant ones that with the largest gain shows that something is there. Whatever predicts as well or better is asked
     who predicts best, be it significant by itself or not, and of those that tie with that one the least is said: the name with
-    the fewest parameters. A free function contains the names that follow its variable, so a name that predicts nearly as much
-    stands for it; what that leaves is looked for in the next round.
+    the fewest parameters. A free function contains the names that follow its variable, so a name that gains most of what it gains
+    stands for it; what that leaves is looked for in the next round. A refinement of dry friction is named beside the dry friction
+    that it refines, not in its place (J. A. Nelder, J. R. Stat. Soc. A 140, 1977): where a model has none, that comes first.
     """
     order = sorted(scored, key=lambda s: -s.total)
     names = {s.name for s in significant} or {order[0].name}
     leader = next(s for s in order if s.name in names)
     top = next(s for s in order if s is leader or tied(leader, s))
-    least = NEARLY * top.total if nameless(top) else np.inf
+    least = MOST * top.total if nameless(top) else np.inf
     alike = [s for s in order if s is top or tied(top, s) or (s.name in names and not nameless(s) and s.total >= least)]
     first = min(alike, key=lambda s: (nameless(s), s.size, -s.total))
+    if first.name[0] in REFINE_FRICTION:
+        first = next((s for s in significant if s.name == ("coulomb_friction", first.name[1])), first)
     return [first, *(s for s in order if s is not first)]
 
 
