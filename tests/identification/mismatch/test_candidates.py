@@ -59,3 +59,12 @@ def test_ripples_have_periods_within_the_way_travelled():
     with bench_of(data_set()[:1]) as bench:
         way = max(float(np.ptp(x)) for x in bench.runs[0].track)
         assert all(p.period <= 1.05 * way for p, _ in phases(bench, RIG))
+
+
+def test_ripples_are_as_long_as_the_longest_way():
+    """Fast sines hardly move a cart; the slow ones tell of the track."""
+    kinds = (*(("sine", 2.5, f) for f in (8.0, 10.0, 12.0, 16.0)), ("sine", 2.5, 0.8))
+    with bench_of(data_set(kinds=kinds)) as bench:
+        way = max(float(np.ptp(run.track[0])) for run in bench.runs)
+        longest = max(p.period for p, _ in phases(bench, RIG) if p.name == ("cogging", "drivetrain"))
+        assert longest > 0.8 * way

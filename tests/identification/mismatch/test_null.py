@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identification.mismatch.noise import Forces, Noise
+from identification.mismatch.noise import Forces, Noise, scattered
 from identification.mismatch.null import Null, simulated
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import bench_of, data_set
@@ -35,3 +35,15 @@ def test_draws_under_unknown_forces_are_white_once_whitened():
         assert np.sqrt(np.mean(moving**2)) == pytest.approx(1.0, abs=0.12)
         again = noise.white(simulated(bench, rig, noise, (), range(8), [1]))
         assert np.array_equal(white, again)
+
+
+def test_a_blow_counts_no_more_than_the_edge_of_a_normal_distribution():
+    with bench_of(data_set(force=0.0)[2:3]) as bench:
+        noise = Noise(bench, RIG, Forces((5e-3, 2e-3), (0.02, 0.01), 0.2), np.ones(1))
+        left = np.zeros(len(bench.valid))
+        at = int(np.flatnonzero(bench.moves)[100])
+        left[at] = 1e3
+        quiet = np.zeros((len(left), 4))
+        hit, before = (noise_.white(left)[at] for noise_ in (scattered(noise, quiet, left, ()), noise))
+        assert abs(before) > 100.0
+        assert abs(hit) == pytest.approx(4.2, rel=1e-6)

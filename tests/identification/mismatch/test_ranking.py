@@ -17,6 +17,12 @@ def named(effect, gain, size=1):
     return Scored(Candidate(effect, "guide", keys), None, np.asarray(gain, dtype=float), size, 0.002)
 
 
+def at_cart(effect, gain, where):
+    return Scored(
+        Candidate(effect, where, ((f"{effect}.{where}", 1.0),)), None, np.asarray(gain, dtype=float), 1, 0.002
+    )
+
+
 def free(gain):
     return Scored(Shape("cart_1", "command", np.zeros(1), (), 0.1), None, np.asarray(gain, dtype=float), 6, 0.002)
 
@@ -48,11 +54,20 @@ def test_what_predicts_better_in_every_experiment_is_no_tie():
     assert ranked([named("input_offset", gain), better], [better])[0] is better
 
 
-def test_a_name_stands_for_the_free_function_that_contains_it():
+def test_a_name_that_gains_most_of_it_stands_for_a_free_function():
     gain = RNG.uniform(50.0, 60.0, 12)
-    whole, nearly, half = free(gain), named("saturation", 0.95 * gain), named("dead_zone", 0.5 * gain)
-    assert ranked([whole, nearly, half], [whole, nearly, half])[0] is nearly
-    assert ranked([whole, half], [whole, half])[0] is whole
+    whole, most, less = free(gain), named("saturation", 0.7 * gain), named("dead_zone", 0.4 * gain)
+    assert ranked([whole, most, less], [whole, most, less])[0] is most
+    assert ranked([whole, less], [whole, less])[0] is whole
+
+
+def test_dry_friction_comes_before_what_refines_it():
+    gain = RNG.uniform(50.0, 60.0, 12)
+    refined, plain = at_cart("stribeck", gain, "cart_2"), at_cart("coulomb_friction", 0.8 * gain, "cart_2")
+    elsewhere = at_cart("coulomb_friction", 0.9 * gain, "cart_1")
+    assert ranked([refined, elsewhere, plain], [refined, elsewhere, plain])[0] is plain
+    # beside it the refinement is named
+    assert ranked([refined], [refined])[0] is refined
 
 
 def test_a_command_makes_its_own_frequency_and_odd_harmonics_through_friction():
