@@ -28,7 +28,9 @@ def main() -> None:
     asked = settings(study)
     found = [o for o in outcomes(study, plan(asked["trials"], asked["seed"])) if o["answer"] and o["critical_gain"]]
     print(f"{len(found)} rigs, gain at which the first move grows:\n")
-    print("| | interval holds the rig's gain | where not extrapolated | median high/low | median error |\n|---|---|---|---|---|")
+    print(
+        "| | interval holds the rig's gain | where not extrapolated | median high/low | median error |\n|---|---|---|---|---|"
+    )
     for key, words in DRIVES.items():
         told = [predict(loads(o["answer"]["drives"][key]), [NAME])[NAME] for o in track(found, description=words)]
         print(_row(words, told, [o["critical_gain"] for o in found]))
