@@ -13,23 +13,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import isfinite
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from baselines.public_data.benchmark import Benchmark
-from flexdrive_gym.drive.effects import LAYOUT
-from flexdrive_gym.drive.parameters import parameter
+from flexdrive_gym.drive.parameters import fastest
 from flexdrive_gym.recording import FloatArray, Recording
 from identification.initial_state import with_start
-from identification.replay.output_error import Run, prepare_measured, simulate_run
+from identification.mismatch.fit import FASTEST, Coordinates
+from identification.replay.output_error import PHYSICS_S, Run, prepare_measured, simulate_run
 
 Values = Mapping[str, float]
 # of positions over which a velocity is taken [s]
 _DIFFERENCE_S = 0.01
 # errors beyond this many spreads of the output say only that a drive has run away
 _RUNAWAY = 20.0
+# of a coordinate: an optimiser within bounds begins inside of them
+_INSIDE = 1e-6
 # start states are found anew so often
 _ROUNDS = 2
 
@@ -69,7 +70,10 @@ def residual(values: Values, piece: Piece, benchmark: Benchmark) -> FloatArray:
     """Return what a fit makes small, window left out, samples of faults 0, in spreads of the output."""
     run, window = piece.run, benchmark.rule.window
     limit = _RUNAWAY * piece.spread
-    error = np.clip(piece.measured - simulated(values, piece), -limit, limit)
+    # what is as good as rigid would take thousands of steps a sample and tell nothing more
+    rigid = fastest(values)[0] * PHYSICS_S >= FASTEST
+    error = np.full(len(run.u), limit) if rigid else piece.measured - simulated(values, piece)
+    error = np.clip(error, -limit, limit)
     error = np.where(run.keep[piece.channel], error, 0.0)
     if benchmark.horizon is None:
         return np.asarray(error[window:] / piece.spread)
@@ -106,16 +110,17 @@ def fit(
     cost = float("inf")
     for _ in range(_ROUNDS):
         placed = [started(now, p, benchmark) for p in pieces]
-        space = _Space(keys, now)
+        space = Coordinates(keys, now)
 
-        def errors(z: FloatArray, space: _Space = space, placed: Sequence[Piece] = placed) -> FloatArray:
-            drive = space.drive(z)
+        def errors(
+            z: FloatArray, space: Coordinates = space, here: Values = now, placed: Sequence[Piece] = placed
+        ) -> FloatArray:
+            drive = space.to(z, here)
             return np.concatenate([residual(drive, p, benchmark) for p in placed])
 
-        begin = space.begin()
         found = least_squares(
             errors,
-            begin,
+            np.clip(space.of(now), space.low + _INSIDE, space.high - _INSIDE),
             bounds=(space.low, space.high),
             x_scale=1.0,
             diff_step=np.full(len(keys), 1e-4),
@@ -124,47 +129,6 @@ def fit(
             xtol=1e-6,
             gtol=1e-9,
         )
-        now = space.drive(found.x)
+        now = space.to(found.x, now)
         cost = 2.0 * float(found.cost) / max(1, len(found.fun))
     return now, cost
-
-
-class _Space:
-    """Parameters as the optimiser sees them: logarithms of what is positive, all else in typical sizes, within bounds."""
-
-    def __init__(self, keys: Sequence[str], values: Values) -> None:
-        self.keys, self.values = tuple(keys), dict(values)
-        self.log = np.array([_logarithmic(key) for key in keys])
-        self.scale = np.array([_typical(key, values) for key in keys])
-        low = np.array([parameter(key).lower for key in keys])
-        high = np.array([parameter(key).upper for key in keys])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            self.low = np.where(self.log, np.log(np.maximum(low, 1e-12)), low / self.scale)
-            self.high = np.where(self.log, np.log(high), high / self.scale)
-
-    def begin(self) -> FloatArray:
-        """Return the coordinates of the drive to start from, just within the bounds."""
-        x = np.array([self.values.get(key, parameter(key).null) for key in self.keys])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            z = np.where(self.log, np.log(np.maximum(x, 1e-12)), x / self.scale)
-        margin = 1e-6
-        return np.asarray(np.clip(z, self.low + margin, self.high - margin))
-
-    def drive(self, z: FloatArray) -> dict[str, float]:
-        """Return the drive at coordinates."""
-        x = np.where(self.log, np.exp(np.where(self.log, z, 0.0)), z * self.scale)
-        return {**self.values, **{key: float(v) for key, v in zip(self.keys, x, strict=True)}}
-
-
-def _logarithmic(key: str) -> bool:
-    if key in {"m1", "m2", "k"}:
-        return True
-    if key not in LAYOUT:
-        return False
-    q = LAYOUT[key].parameter
-    return (q.role == "shape" and q.lower >= 0.0) or not isfinite(q.null)
-
-
-def _typical(key: str, values: Values) -> float:
-    starts = LAYOUT[key].parameter.starts if key in LAYOUT else ()
-    return max(abs(values.get(key, 0.0)), abs(starts[0]) if starts else 0.0, 1e-6)

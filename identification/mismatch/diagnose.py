@@ -163,14 +163,12 @@ class _Result:
     def homogeneity(self, alpha: float, rng: np.random.Generator) -> tuple[Homogeneity, ...]:
         """Hold the parameters against the sessions, in the rig's units."""
         model, units = self.model, self.runs[0].units
-        ones = {n: units.one(unit_of(n)) for n in model.names}
-        scale = model.scale / np.array([ones[n] for n in model.names])
-        values = {n: v / ones.get(n, 1.0) for n, v in model.values.items()}
         # replicates in different sessions are what tells them apart
         single = copy(self.bench)
         single.units = np.arange(len(self.runs))
-        own = replace(model, values=values, scale=scale, bench=single)
-        return tuple(homogeneity(own, [r.session for r in self.runs], alpha, rng))
+        own = replace(model, bench=single, known=model.jacobian)
+        one = {n: units.one(unit_of(n)) for n in model.names}
+        return tuple(homogeneity(own, [r.session for r in self.runs], alpha, rng, one))
 
     def diagnosis(self, same: tuple[Homogeneity, ...]) -> Diagnosis:
         """Return the diagnosis but for what only the caller knows."""

@@ -18,7 +18,7 @@ import numpy as np
 
 from flexdrive_gym.drive.effects import LAYOUT
 from flexdrive_gym.drive.parameters import fastest, parameter
-from flexdrive_gym.recording import FloatArray
+from flexdrive_gym.recording import BoolArray, FloatArray
 from identification.mismatch.bench import Bench, Values
 from identification.mismatch.score import Normal
 from identification.replay.output_error import PHYSICS_S
@@ -54,23 +54,39 @@ class Fit:
         Squared whitened residual.
     residual : ndarray, shape (N,)
         Raw rows.
-    jacobian : ndarray, shape (N, p)
-        Their derivatives with respect to the scaled coordinates.
-    interior : ndarray of bool, shape (p,)
-        Which parameters do not rest at a bound.
-    scale : ndarray, shape (p,)
-        Change of a parameter per unit of its coordinate.
+    coordinates
+        In which it was fitted.
+    known : ndarray, shape (N, p), or None
+        The derivatives, where the fit ended with them.
     """
 
     values: dict[str, float]
     names: tuple[str, ...]
     cost: float
     residual: FloatArray
-    jacobian: FloatArray
-    interior: FloatArray
-    scale: FloatArray
+    coordinates: Coordinates
     bench: Bench
     metric: Metric
+    known: FloatArray | None = None
+
+    @cached_property
+    def jacobian(self) -> FloatArray:
+        """Return the derivatives of the raw rows with respect to the scaled coordinates, shape (N, p)."""
+        if self.known is not None:
+            return self.known
+        z = self.coordinates.of(self.values)
+        return _jacobian(self.bench, self.coordinates, z, self.values, self.residual)
+
+    @property
+    def interior(self) -> BoolArray:
+        """Which parameters do not rest at a bound, shape (p,)."""
+        c, z = self.coordinates, self.coordinates.of(self.values)
+        return np.asarray((z > c.low + 1e-9) & (z < c.high - 1e-9) & np.any(self.jacobian, axis=0))
+
+    @property
+    def scale(self) -> FloatArray:
+        """Return the change of a parameter per unit of its coordinate, shape (p,)."""
+        return self.coordinates.rate(self.coordinates.of(self.values))
 
     @cached_property
     def normal(self) -> Normal:
@@ -135,7 +151,7 @@ def fit(
     names: Sequence[str],
     *,
     iterations: int | None = None,
-    jacobian: FloatArray | None = None,
+    near: Fit | None = None,
 ) -> Fit:
     """Fit parameters by damped Gauss-Newton steps (K. Levenberg 1944, D. Marquardt 1963) within their bounds.
 
@@ -148,9 +164,9 @@ def fit(
     names
         Parameters to fit.
     iterations
-        Most steps; default: that of the settings.
-    jacobian : ndarray, shape (N, p)
-        Derivatives of the raw rows with respect to the parameters themselves, known near the start.
+        Most steps of a first try, which ends when they no longer help; default: as many as it takes, up to the settings' most.
+    near
+        A fit whose derivatives hold at the start, or nearly so, for the parameters that it shares.
     """
     settings = bench.settings
     c = Coordinates(names, start, bench.bounds)
@@ -158,8 +174,8 @@ def fit(
     now = c.to(z, start)
     raw = bench.residual(now)
     white = metric.white(raw)
-    cost, fresh = float(white @ white), jacobian is None
-    S = _jacobian(bench, c, z, now, raw) if jacobian is None else jacobian * c.rate(z)
+    cost, fresh = float(white @ white), near is None or near.values == now
+    S = _jacobian(bench, c, z, now, raw, near)
     for _ in range(settings.iterations if iterations is None else iterations):
         W = metric.white(S)
         H, g, before = W.T @ W, W.T @ white, cost
@@ -178,15 +194,12 @@ def fit(
                     break
             damping = 8.0 * max(damping, 1e-3)
         stalled = before - cost < settings.tolerance * cost
-        if stalled and fresh:
+        if stalled and (fresh or iterations is not None):
             break
         if stalled or before - cost > 0.5 * before:
             S, damping = _jacobian(bench, c, z, now, raw), min(damping, 1e-2)
         fresh = stalled
-    if not fresh:
-        S = _jacobian(bench, c, z, now, raw)
-    inside = (z > c.low + 1e-9) & (z < c.high - 1e-9) & (np.sum(S**2, axis=0) > 0.0)
-    return Fit(now, c.names, cost, raw, S, inside, c.rate(z), bench, metric)
+    return Fit(now, c.names, cost, raw, c, bench, metric, S if fresh else None)
 
 
 def _stepped(c: Coordinates, z: FloatArray, H: FloatArray, g: FloatArray, damping: float) -> FloatArray:
@@ -199,9 +212,16 @@ def _stepped(c: Coordinates, z: FloatArray, H: FloatArray, g: FloatArray, dampin
     return np.asarray(np.clip(z + step / max(1.0, longest), c.low, c.high))
 
 
-def _jacobian(bench: Bench, c: Coordinates, z: FloatArray, values: Values, here: FloatArray) -> FloatArray:
+def _jacobian(
+    bench: Bench, c: Coordinates, z: FloatArray, values: Values, here: FloatArray, near: Fit | None = None
+) -> FloatArray:
     S = np.empty((len(here), len(z)))
-    for i in range(len(z)):
+    rate = c.rate(z)
+    for i, name in enumerate(c.names):
+        if near is not None and name in near.names:
+            j = near.names.index(name)
+            S[:, i] = near.jacobian[:, j] * (rate[i] / near.scale[j])
+            continue
         step = _STEP if z[i] + _STEP <= c.high[i] else -_STEP
         moved = z.copy()
         moved[i] += step
@@ -211,25 +231,3 @@ def _jacobian(bench: Bench, c: Coordinates, z: FloatArray, values: Values, here:
             moved[i] = z[i] + 100.0 * step
             S[:, i] = (bench.residual(c.to(moved, values)) - here) / (100.0 * step)
     return S
-
-
-def intervals(best: Fit) -> Mapping[str, tuple[float, float]]:
-    """Return 95 % intervals from leaving out one recording after the other (jackknife), Student's t with R - 1 degrees."""
-    from scipy.stats import t as student  # noqa: PLC0415
-
-    n = best.normal
-    R = len(n.square)
-    H, g = n.information.sum(axis=0), n.gradient.sum(axis=0)
-    steps = [n.step(H - n.information[r], g - n.gradient[r], best.bench.settings.damping) for r in range(R)]
-    spread = np.sqrt((R - 1.0) / R * np.sum((np.array(steps) - np.mean(steps, axis=0)) ** 2, axis=0))
-    half = float(student.ppf(0.975, max(R - 1, 1))) * spread
-    found = {name: (best.values[name], best.values[name]) for name in best.names}
-    inner = [(name, s) for name, s, i in zip(best.names, best.scale, best.interior, strict=True) if i]
-    for (name, scale), h in zip(inner, half, strict=True):
-        q, value = parameter(name), best.values[name]
-        if _logarithmic(name):
-            low, high = value * np.exp(-min(h, 300.0)), value * np.exp(min(h, 300.0))
-        else:
-            low, high = value - h * scale, value + h * scale
-        found[name] = (float(max(low, q.lower)), float(min(high, q.upper)))
-    return found

@@ -57,7 +57,9 @@ class Homogeneity:
         }
 
 
-def homogeneity(model: Fit, sessions: Sequence[str], alpha: float, rng: np.random.Generator) -> list[Homogeneity]:
+def homogeneity(
+    model: Fit, sessions: Sequence[str], alpha: float, rng: np.random.Generator, one: Mapping[str, float]
+) -> list[Homogeneity]:
     """Hold every parameter of a model against the sessions of its recordings.
 
     Parameters
@@ -70,6 +72,8 @@ def homogeneity(model: Fit, sessions: Sequence[str], alpha: float, rng: np.rando
         Level, shared by all parameters.
     rng
         Of the permutations.
+    one
+        Parameter to the engine's units in one of the rig's, which values are told in.
 
     Returns
     -------
@@ -91,7 +95,7 @@ def homogeneity(model: Fit, sessions: Sequence[str], alpha: float, rng: np.rando
     inner = [(name, s) for name, s, i in zip(model.names, model.scale, model.interior, strict=True) if i]
     found = []
     for i, (name, scale) in enumerate(inner):
-        values = {s: float(model.values[name] + scale * steps[j, i]) for j, s in enumerate(names)}
+        values = {s: float((model.values[name] + scale * steps[j, i]) / one[name]) for j, s in enumerate(names)}
         differs = p[i] <= alpha / len(inner)
         each = ", ".join(f"{v:.3g} in {s}" for s, v in values.items())
         text = (

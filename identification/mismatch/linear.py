@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexdrive_gym.drive.parameters import fastest
 from flexdrive_gym.recording import FloatArray
@@ -41,39 +43,52 @@ class Linear:
 
     Attributes
     ----------
-    bench
-        The recordings.
+    model
+        That they are taken around.
+    noise
+        That whitens them.
     entries
         Candidates that change the simulation.
-    base
-        Columns of the base model.
-    columns : ndarray, shape (N, M)
-        Raw sensitivities.
+    changes : ndarray of float32, shape (N, M - p)
+        Raw sensitivities to the candidates, in single precision: there are hundreds.
     white : ndarray, shape (N, M)
-        Whitened ones.
+        Whitened ones, the p of the base model first.
     products : ndarray, shape (U, M, M)
         Of whitened columns, per unit.
     residual : ndarray, shape (N,)
         Whitened.
     """
 
-    bench: Bench
+    model: Fit
+    noise: Noise
     entries: tuple[Entry, ...]
-    base: tuple[int, ...]
-    columns: FloatArray
+    changes: NDArray[np.float32]
     white: FloatArray
     products: FloatArray
     residual: FloatArray
 
     @classmethod
-    def of(
-        cls, bench: Bench, noise: Noise, columns: FloatArray, residual: FloatArray, entries: Sequence[Entry], base: int
-    ) -> Linear:
+    def of(cls, model: Fit, noise: Noise, changes: NDArray[np.float32], entries: Sequence[Entry]) -> Linear:
         """Whiten columns and residual."""
-        white = noise.white(columns)
-        return cls(
-            bench, tuple(entries), tuple(range(base)), columns, white, bench.products(white), noise.white(residual)
-        )
+        bench, inner = model.bench, model.jacobian[:, model.interior]
+        white = noise.white(np.column_stack([inner.astype(changes.dtype), changes]), bench.pool.map)
+        return cls(model, noise, tuple(entries), changes, white, bench.products(white), noise.white(model.residual))
+
+    @property
+    def bench(self) -> Bench:
+        """The recordings."""
+        return self.model.bench
+
+    @property
+    def base(self) -> range:
+        """Columns of the base model."""
+        return range(self.white.shape[1] - self.changes.shape[1])
+
+    def moved(self, more: Sequence[int], step: FloatArray) -> FloatArray:
+        """Return the raw residual after a step of the base model's parameters and of some columns."""
+        model, p = self.model, len(self.base)
+        own = self.changes[:, [c - p for c in more]] @ step[p:]
+        return np.asarray(model.residual + model.jacobian[:, model.interior] @ step[:p] + own)
 
     def gradient(self, residual: FloatArray) -> FloatArray:
         """Return the products of all columns with whitened residuals per unit, shape (U, M, k), from shape (N, k)."""
@@ -101,11 +116,11 @@ class Linear:
 
     def around(self, model: Fit, noise: Noise) -> Linear:
         """Return the candidates' columns with another base model and other noise, near enough for them to stay what they are."""
-        inner = model.jacobian[:, model.interior]
-        p, more = inner.shape[1], len(self.base)
-        entries = [Entry(e.candidate, tuple(c - more + p for c in e.columns)) for e in self.entries]
-        columns = np.column_stack([inner, self.columns[:, more:]])
-        return Linear.of(self.bench, noise, columns, model.residual, entries, p)
+        if noise is self.noise and model is self.model:
+            return self
+        shift = int(np.sum(model.interior)) - len(self.base)
+        entries = [Entry(e.candidate, tuple(c + shift for c in e.columns)) for e in self.entries]
+        return Linear.of(model, noise, self.changes, entries)
 
 
 def linearise(
@@ -123,11 +138,13 @@ def linearise(
             effect = c.one(i)
             drives[tuple(sorted(effect.items()))] = ({**model.values, **effect}, c.sizes[i][1])
     drives = {k: v for k, v in drives.items() if fastest(v[0])[0] * PHYSICS_S < FASTEST}
-    moved = bench.residuals([v for v, _ in drives.values()])
     here = model.residual
-    found = {k: (m - here) / size for (k, (_, size)), m in zip(drives.items(), moved, strict=True)}
-    columns: list[FloatArray] = list(model.jacobian[:, model.interior].T)
-    base = len(columns)
+    found = {
+        k: ((moved - here) / size).astype(np.float32)
+        for (k, (_, size)), moved in zip(drives.items(), bench.residuals([v for v, _ in drives.values()]), strict=True)
+    }
+    columns: list[NDArray[np.float32]] = []
+    base = int(np.sum(model.interior))
     entries = []
     place: dict[object, int] = {}
     for c in present:
@@ -136,17 +153,17 @@ def linearise(
             continue
         for k in keys:
             if k not in place:
-                place[k] = len(columns)
+                place[k] = base + len(columns)
                 columns.append(found[k])
         entries.append(Entry(c, tuple(place[k] for k in keys)))
     names = {c.name for c in present}
-    free_ones: list[tuple[Shape | Phase, Sequence[FloatArray]]] = [
-        *((s, bench.pushed(model.values, s.forces, s.size)) for s in shapes),
-        *((p, change) for p, change in phases(bench, model.values) if p.name in names),
-    ]
+    free_ones: Iterable[tuple[Shape | Phase, Sequence[FloatArray]]] = chain(
+        ((s, bench.pushed(model.values, s.forces, s.size)) for s in shapes),
+        ((p, change) for p, change in phases(bench, model.values) if p.name in names),
+    )
     for free, made in free_ones:
-        first = len(columns)
-        columns += [p for p in made if np.any(p)]
-        if len(columns) > first:
-            entries.append(Entry(free, tuple(range(first, len(columns)))))
-    return Linear.of(bench, noise, np.column_stack(columns), here, entries, base)
+        first = base + len(columns)
+        columns += [p.astype(np.float32) for p in made if np.any(p)]
+        if base + len(columns) > first:
+            entries.append(Entry(free, tuple(range(first, base + len(columns)))))
+    return Linear.of(model, noise, np.column_stack(columns), entries)

@@ -16,7 +16,7 @@ own and half the data set's: each has a vote, however small its motion, and none
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -28,14 +28,17 @@ from scipy.optimize import minimize
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.bench import Bench, Values
 from identification.mismatch.nuisance import Direction, dry_level
-from identification.mismatch.whiten import transitions, whitened
+from identification.mismatch.whiten import Filter, transitions
 
+Across = Callable[[Callable[[int], FloatArray], Iterable[int]], Iterable[FloatArray]]
 # intensity of white forces [s^½], standard deviation of slow ones [1], relative to dry friction, and their time [s],
 # where a search begins; it ends anywhere within a factor of fifty, for which the prior below asks no more than a few units of
 # log-likelihood
 WHITE, SLOW, TIME_S = 0.01, 0.1, 0.3
 # share of the command that unknown forces may have: more is something left out; white ones as their mean over so many seconds
 _MOST_OF_COMMAND, _MEAN_S = 0.1, 0.05
+# of what unknown forces may have at most, from which on they are at it
+_NEARLY = 0.9
 # between a block and a run [s]
 _TIMES_S = (0.005, 10.0)
 # share of the command that dry friction has at least, where the search begins
@@ -111,6 +114,8 @@ class Noise:
     weights : ndarray, shape (N,), or None
         Of rows whitened by the filter: below 1 where noise acts on friction and scatters them more widely than the
         filter expects.
+    cost
+        Of the residual that it was estimated from: the negative logarithm of its probability density, but for a constant.
     """
 
     bench: Bench
@@ -120,55 +125,90 @@ class Noise:
     scale: Mapping[str, float] = field(default_factory=dict)
     modes: Sequence[FloatArray] = ()
     weights: FloatArray | None = None
+    cost: float = 0.0
+    _made: dict[int, Filter] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
-    def _filters(self) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
-        """Return transition, covariance and variances at the start for every recording."""
-        found = []
+    def _transitions(self) -> dict[float, tuple[FloatArray, FloatArray]]:
+        """Return transition and covariance over each step that recordings have."""
         q, s = np.array(self.forces.white), np.array(self.forces.slow)
-        for run, share in zip(self.bench.runs, self.own, strict=True):
+        steps = {run.block * run.sample_time for run in self.bench.runs}
+        return {h: transitions(self.values, h, q, s, self.forces.time_s) for h in steps}
+
+    def _filter(self, r: int) -> Filter:
+        """Return the filter of a recording, made when it is asked for first."""
+        if r not in self._made:
+            bench, run = self.bench, self.bench.runs[r]
             # what is compared by position hardly moves: friction holds it against forces that nobody knows
-            own = _STILL if run.positions else share
-            A, Q = transitions(self.values, run.block * run.sample_time, own * q, own * s, self.forces.time_s)
-            rho = _rounding(self.bench, run.name)
-            start = np.array([rho[0], 0.0, rho[-1], 0.0, *(own * s) ** 2, 0.0, 0.0])
-            found.append((A, Q, start))
-        return found
+            own = _STILL if run.positions else float(self.own[r])
+            step = run.block * run.sample_time
+            A, Q = self._transitions[step]
+            rho = bench.rounding[run.name]
+            start = np.array([rho[0], 0.0, rho[-1], 0.0, *(own * np.array(self.forces.slow)) ** 2, 0.0, 0.0])
+            valid = bench.valid[bench.rows[r]].reshape(len(run.keep), -1)
+            step = 0.0 if run.positions else step
+            self._made[r] = Filter.of(A, own**2 * Q, bench.resting[r], start, rho, valid, step)
+        return self._made[r]
 
-    def innovations(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return rows whitened by the filter alone, shape (N,) or (N, k), and every recording's logarithm of variances."""
+    @property
+    def logarithm(self) -> float:
+        """Return the sum of the logarithms of the innovations' variances."""
+        return sum(self._filter(r).logarithm for r in range(len(self.bench.runs)))
+
+    def innovations(self, x: FloatArray, across: Across = map) -> FloatArray:
+        """Return rows whitened by the filter alone, shape (N,) or (N, k)."""
+        return self._each(x, self._filtered, across)
+
+    def white(self, x: FloatArray, across: Across = map) -> FloatArray:
+        """Return whitened rows of raw ones, shape (N,) or (N, k).
+
+        Parameters
+        ----------
+        across
+            Maps over recordings: ``map``, or that of a pool whose threads are free.
+        """
+        return self._each(x, self._damped, across)
+
+    def _each(self, x: FloatArray, one: Callable[[int, FloatArray], FloatArray], across: Across) -> FloatArray:
         columns = x[:, None] if x.ndim == 1 else x
-        out, logarithm = np.zeros(columns.shape), np.zeros(len(self.bench.runs))
-        for r, (run, (A, Q, start)) in enumerate(zip(self.bench.runs, self._filters, strict=True)):
-            rows = self.bench.rows[r]
-            carts = len(run.keep)
-            valid = self.bench.valid[rows].reshape(carts, -1)
-            y = columns[rows].reshape(*valid.shape, columns.shape[1]) * valid[..., None]
-            if not run.positions:
-                y = np.cumsum(y, axis=1) * (run.block * run.sample_time)
-            white, logarithm[r] = whitened(
-                A, Q, self.bench.resting[r], start, _rounding(self.bench, run.name), y, valid
-            )
-            out[rows] = white.reshape(valid.size, columns.shape[1])
-        if self.weights is not None:
-            out *= self.weights[:, None]
-        return (out[:, 0] if x.ndim == 1 else out), logarithm
+        out = np.empty(columns.shape)
+        rows = self.bench.rows
+        parts = across(lambda r: one(r, np.asarray(columns[rows[r]], dtype=np.float64)), range(len(rows)))
+        for own, part in zip(rows, parts, strict=True):
+            out[own] = part
+        return out[:, 0] if x.ndim == 1 else out
 
-    def white(self, x: FloatArray) -> FloatArray:
-        """Return whitened rows of raw ones, shape (N,) or (N, k)."""
-        y, _ = self.innovations(x)
-        for rows, U in zip(self.bench.rows, self.modes, strict=False):
-            y[rows] -= U @ (U.T @ y[rows])
+    def _filtered(self, r: int, x: FloatArray) -> FloatArray:
+        own = self._filter(r)
+        y = own.white(x.reshape(*own.valid.shape, x.shape[1])).reshape(x.shape)
+        if self.weights is not None:
+            y *= self.weights[self.bench.rows[r], None]
         return y
 
-
-def _rounding(bench: Bench, name: str) -> FloatArray:
-    return bench.rounding[name]
+    def _damped(self, r: int, x: FloatArray) -> FloatArray:
+        y = self._filtered(r, x)
+        if self.modes:
+            U = self.modes[r]
+            y -= U @ (U.T @ y)
+        return y
 
 
 def first_noise(bench: Bench, values: Values) -> Noise:
     """Return the noise before anything is known of it."""
     return Noise(bench, dict(values), Forces.of(np.zeros(5), *_level(bench, values)), np.ones(len(bench.runs)))
+
+
+def usual(noise: Noise) -> Noise | None:
+    """Return the noise with slow forces as a search for them begins; ``None`` where they are not at the most they may be.
+
+    Forces as large as that are something left out, or hide it.
+    """
+    bench, forces = noise.bench, noise.forces
+    level, command = _level(bench, noise.values)
+    if max(forces.slow[: bench.carts]) < _NEARLY * _MOST_OF_COMMAND * command:
+        return None
+    slow = Forces.of(np.zeros(5), level, command).slow
+    return replace(noise, forces=replace(forces, slow=slow))
 
 
 def estimate(bench: Bench, values: Values, residual: FloatArray, found: Sequence[Direction]) -> Noise:
@@ -188,13 +228,13 @@ def estimate(bench: Bench, values: Values, residual: FloatArray, found: Sequence
     theta, own = np.zeros(5), np.ones(len(bench.runs))
     noise = first_noise(bench, values)
     for turn in range(2 if found else 1):
-        theta = _most_likely(bench, values, level, rest, own, theta)
+        theta, cost = _most_likely(bench, values, level, rest, own, theta)
         own = _own(bench, Noise(bench, dict(values), Forces.of(theta, *level), np.ones(len(own))), rest)
-        noise = Noise(bench, dict(values), Forces.of(theta, *level), own, scale)
+        noise = Noise(bench, dict(values), Forces.of(theta, *level), own, scale, cost=cost)
         if not found:
             break
         D = np.column_stack([d.change * d.size for d in found])
-        white, _ = noise.innovations(np.column_stack([D, residual]))
+        white = noise.innovations(np.column_stack([D, residual]), bench.pool.map)
         for _ in range(_MAXIMISATIONS):
             amplitude, variance = _amplitudes(bench, white, found, scale)
             scale = _scales(amplitude, variance, found)
@@ -220,7 +260,7 @@ def scattered(noise: Noise, rows: FloatArray, left: FloatArray, found: Sequence[
         Raw rows of a generous model.
     """
     bench = noise.bench
-    square = np.mean(noise.innovations(rows)[0] ** 2, axis=1)
+    square = np.mean(noise.innovations(rows, bench.pool.map) ** 2, axis=1)
     blows = (noise.white(left) / _EDGE) ** 2
     for p in bench.pieces:
         square[p.rows] = maximum_filter1d(uniform_filter1d(square[p.rows], _NEIGHBOURS), _NEIGHBOURS)
@@ -233,7 +273,7 @@ def damped(noise: Noise, found: Sequence[Direction]) -> Noise:
     plain = replace(noise, modes=())
     if not found:
         return plain
-    white, _ = plain.innovations(np.column_stack([d.change * d.size for d in found]))
+    white = plain.innovations(np.column_stack([d.change * d.size for d in found]), noise.bench.pool.map)
     return replace(plain, modes=_modes(noise.bench, white, found, noise.scale))
 
 
@@ -245,22 +285,23 @@ def _level(bench: Bench, values: Values) -> tuple[float, float]:
 
 def _most_likely(
     bench: Bench, values: Values, level: tuple[float, float], rest: FloatArray, own: FloatArray, start: FloatArray
-) -> FloatArray:
-    """Return the logarithms of the forces' parameters at the largest likelihood (J. A. Nelder, R. Mead 1965)."""
+) -> tuple[FloatArray, float]:
+    """Return the logarithms of the most likely forces' parameters, and their cost (J. A. Nelder, R. Mead 1965)."""
 
     def cost(theta: FloatArray) -> float:
-        w, logarithm = Noise(bench, dict(values), Forces.of(theta, *level), own).innovations(rest)
-        w = w[bench.moves]
-        return float(0.5 * (w @ w) + 0.5 * logarithm.sum() + 0.5 * np.sum((theta / _BETWEEN_RIGS) ** 2))
+        noise = Noise(bench, dict(values), Forces.of(theta, *level), own)
+        w = noise.innovations(rest, bench.pool.map)[bench.moves]
+        return float(0.5 * (w @ w) + 0.5 * noise.logarithm + 0.5 * np.sum((theta / _BETWEEN_RIGS) ** 2))
 
     simplex = start + np.vstack([np.zeros(5), np.eye(5)])
     options: Any = {"maxfev": _EVALUATIONS, "xatol": 0.03, "fatol": 0.5, "initial_simplex": simplex}
-    return np.asarray(minimize(cost, start, method="Nelder-Mead", options=options).x)
+    found = minimize(cost, start, method="Nelder-Mead", options=options)
+    return np.asarray(found.x), float(found.fun)
 
 
 def _own(bench: Bench, noise: Noise, rest: FloatArray) -> FloatArray:
     """Return the scale of every recording's forces: half its own variance, half the data set's."""
-    w, _ = noise.innovations(rest)
+    w = noise.innovations(rest)
     w = np.where(bench.moves, w, 0.0)
     count = np.array([max(int(bench.moves[rows].sum()), 1) for rows in bench.rows])
     square = np.array([float(w[rows] @ w[rows]) for rows in bench.rows]) / count

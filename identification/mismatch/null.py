@@ -85,7 +85,7 @@ def first_draws(
     """
     raw = simulated(bench, values, noise, found, range(_FIRST), seed)
     noise = scattered(noise, raw, left, found)
-    return noise, noise.white(raw)
+    return noise, noise.white(raw, bench.pool.map)
 
 
 def null_of(
@@ -123,7 +123,8 @@ def null_of(
         most = bench.settings.draws
         if made >= most or best * (made + 1) > _ENOUGH or (made >= most // 2 and best * (made + 1) <= 1.0):
             return null
-        rows = noise.white(simulated(bench, values, noise, found, range(made, made + _CHUNK), seed))
+        more = simulated(bench, values, noise, found, range(made, made + _CHUNK), seed)
+        rows = noise.white(more, bench.pool.map)
         gains.append(evaluate(linear, rows))
         made += _CHUNK
 

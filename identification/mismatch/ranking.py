@@ -176,7 +176,8 @@ def scores(
             variability: tuple[Direction, ...] = ()
             if isinstance(entry.candidate, Phase) and entry.variance is not None:
                 group, spread = "@".join(name), float(np.sqrt(entry.variance))
-                variability = tuple(Direction(group, spread, linear.columns[:, c].copy()) for c in entry.columns)
+                changes = (linear.changes[:, c - len(linear.base)] for c in entry.columns)
+                variability = tuple(Direction(group, spread, change.astype(np.float64)) for change in changes)
             p = null.p_value(name, float(trimmed(entry.gain)))
             scored = Scored(entry.candidate, None, entry.gain, max(len(entry.columns), 2), p, variability)
         if name in fits:

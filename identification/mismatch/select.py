@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from flexdrive_gym.drive.effects import LAYOUT
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.bench import Bench, Values
 from identification.mismatch.candidates.catalogue import Candidate, catalogue
@@ -16,7 +17,7 @@ from identification.mismatch.candidates.phases import Phase
 from identification.mismatch.evaluate import Name, Table, evaluate, random_gains
 from identification.mismatch.fit import Fit, Metric, fit
 from identification.mismatch.linear import Linear, linearise
-from identification.mismatch.noise import Noise, damped, estimate, first_noise
+from identification.mismatch.noise import Noise, damped, estimate, first_noise, usual
 from identification.mismatch.nuisance import Direction, directions, dry_level
 from identification.mismatch.null import Null, first_draws, null_of
 from identification.mismatch.ranking import Round, Scored, nameless, ranked, scores, tied
@@ -148,12 +149,17 @@ class Selector:
         """Return candidates with parameters as the equation error sees them, where the simulation is far from the data."""
         if not self._far(base):
             return []
-        known = {k: v for k, v in base.values.items() if k not in self.topology.free}
         absent = _absent(self.candidates, base)
         return [
-            *far_starts(self.bench, base, known, self.candidates),
+            *self._seen_far(base, self.candidates),
             *((c, c.start) for c in self.candidates if absent.issuperset(c.keys)),
         ]
+
+    def _seen_far(self, base: Fit, candidates: Sequence[Candidate]) -> list[Start]:
+        """Return the candidates that the equation error puts first, with the parameters that it sees."""
+        # dry friction is in the equation already, whether the model has it or not
+        known = {k: v for k, v in base.values.items() if k in LAYOUT and "." in k}
+        return far_starts(self.bench, base, known, candidates)
 
     def _near(self, base: Fit, proposed: Sequence[Start]) -> Fit:
         """Return the model with the candidate that brings a simulation near that is far from the data: it tells what is noise."""
@@ -200,8 +206,10 @@ class Selector:
                 noise = estimate(bench, model.values, model.residual, found)
                 base = fit(bench, noise, base.values, base.names)
                 linear = self._linear(base, noise, candidates)
-            near = base if len(whole.names) == len(base.names) and turn == 0 else model
-            left = _generous(linear.around(near, noise), near.residual)
+                model = self._freed(model, noise, linear, found, candidates)
+                found = (*directions(bench, model.values), *phases)
+            near = model if len(model.names) > len(base.names) else base
+            left = _generous(linear.around(near, noise))
             noise = estimate(bench, near.values, left, found)
             noise, first = first_draws(bench, base.values, noise, found, left, seed)
             base = fit(bench, noise, base.values, base.names)
@@ -239,6 +247,30 @@ class Selector:
         free = shapes(self.bench, base.values, max(0.05, 0.1 * level))
         return linearise(self.bench, noise, base, candidates, free)
 
+    def _freed(
+        self, model: Fit, noise: Noise, linear: Linear, found: Sequence[Direction], candidates: Sequence[Candidate]
+    ) -> Fit:
+        """Return the model with the candidate that explains what unknown forces have taken, if that is more probable.
+
+        Forces and physics that is left out compete for the same residual. Where forces have the most that they may have,
+        candidates are fitted with forces of a usual size, and the more probable account of the residual is kept.
+        """
+        before = usual(noise)
+        if before is None:
+            return model
+        base = linear.model
+        around = linear.around(base, before)
+        table = evaluate(around, around.residual[:, None])
+        order = sorted(table.total, key=lambda n: -float(table.total[n][0]))
+        jobs = [
+            *candidate_starts(base, around, table, candidates, order, self.settings.proposals),
+            *((c, {**base.values, **own}) for c, own in self._seen_far(base, candidates)),
+        ]
+        best = min((f for _, f in self._fits(base, before, jobs).values()), key=lambda f: f.cost)
+        other = estimate(self.bench, best.values, best.residual, found)
+        more = len(best.names) - len(model.names)
+        return best if other.cost + _WORTH * more < noise.cost else model
+
     def _jobs(
         self, base: Fit, linear: Linear, table: Table, first: FloatArray, candidates: Sequence[Candidate]
     ) -> list[tuple[Candidate, dict[str, float]]]:
@@ -254,7 +286,7 @@ class Selector:
 
         def tried(job: tuple[Candidate, Values]) -> tuple[Candidate, Fit]:
             candidate, start = job
-            return candidate, fit(self.bench, noise, start, (*base.names, *candidate.keys), iterations=_TRY)
+            return candidate, fit(self.bench, noise, start, (*base.names, *candidate.keys), iterations=_TRY, near=base)
 
         best: dict[Name, tuple[Candidate, Fit]] = {}
         for candidate, found in self.bench.pool.map(tried, jobs):
@@ -264,7 +296,9 @@ class Selector:
         asked = list(dict.fromkeys(candidate.name for candidate, _ in jobs))
         ahead = sorted(best, key=lambda n: best[n][1].cost)[: self.settings.finished]
         leading = list(dict.fromkeys([*ahead, *asked[: self.settings.finished // 2]]))
-        ended = self.bench.pool.map(lambda n: fit(self.bench, noise, best[n][1].values, best[n][1].names), leading)
+        ended = self.bench.pool.map(
+            lambda f: fit(self.bench, noise, f.values, f.names, near=f), [best[n][1] for n in leading]
+        )
         return best | {n: (best[n][0], f) for n, f in zip(leading, ended, strict=True)}
 
     def _far(self, base: Fit) -> bool:
@@ -289,7 +323,7 @@ class Selector:
             candidate, best = item
             values = {k: v for k, v in best.values.items() if k not in candidate.keys}
             _give_back(values, candidate, best.values, base.names)
-            return fit(self.bench, noise, values, base.names)
+            return fit(self.bench, noise, values, base.names, near=base)
 
         again = [base, *self.bench.pool.map(one, leading)]
         costs = np.array([f.cost for f in again])
@@ -344,7 +378,7 @@ class Selector:
         return last.null.p_value(scored.name, float(trimmed(gain))), without
 
 
-def _generous(linear: Linear, raw: FloatArray) -> FloatArray:
+def _generous(linear: Linear) -> FloatArray:
     """Return the raw residual of a model that has, linearly, whatever predicts other experiments."""
     damping = linear.bench.settings.damping
     residual = linear.residual[:, None]
@@ -364,4 +398,4 @@ def _generous(linear: Linear, raw: FloatArray) -> FloatArray:
             break
         _, entry, before, columns = best
         rest.remove(entry)
-    return np.asarray(raw + linear.columns[:, [*linear.base, *columns]] @ before.solve(damping))
+    return linear.moved(columns, before.solve(damping))

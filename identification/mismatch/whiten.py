@@ -21,12 +21,13 @@ unknown offset o of the reading afterwards.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy.linalg import expm
 
-from flexdrive_gym.drive.compilation import kernel
+from flexdrive_gym.drive.compilation import inlined, kernel
 from flexdrive_gym.recording import BoolArray, FloatArray
 from identification.mismatch.experiments import IntArray
 
@@ -84,121 +85,154 @@ def _transition(
     return A, 0.5 * (Q + Q.T)
 
 
-@kernel
-def innovations(
-    As: Any, Qs: Any, mode: Any, P: Any, rounding: Any, y: Any, valid: Any, gain: Any, z: Any, out: Any
-) -> float:
-    """Write whitened rows, shape (carts, blocks, columns).
+@inlined
+def _carried(A: Any, x: Any, out: Any) -> None:
+    """Write A x, shape (8, columns)."""
+    for i in range(STATES):
+        for j in range(x.shape[1]):
+            out[i, j] = 0.0
+        for k in range(STATES):
+            a = A[i, k]
+            # half of a transition is zero, and columns lie side by side
+            if a != 0.0:
+                for j in range(x.shape[1]):
+                    out[i, j] += a * x[k, j]
 
-    Returns the sum of the logarithms of the innovations' variances of moving carts.
-    ``P``, the covariance at the start, is used up; ``gain`` (carts, 8), ``z`` (8, columns) are room to work in.
+
+@kernel
+def _riccati(As: Any, Qs: Any, mode: Any, P: Any, rounding: Any, valid: Any, gain: Any, variance: Any) -> None:
+    """Write the filter's gains, shape (blocks, carts, 8), and the innovations' variances, shape (carts, blocks).
+
+    ``P``, the covariance at the start, is used up.
     """
-    carts, blocks, columns = y.shape
-    n = As.shape[1]
-    total, settled = 0.0, False
-    variance = np.zeros(carts)
-    before = np.zeros((carts, n))
-    step, moved, shown, error = np.zeros((n, n)), np.zeros((n, columns)), np.zeros(n), np.zeros(columns)
+    carts, blocks = valid.shape
+    settled = False
+    room, turned, shown = np.zeros((STATES, STATES)), np.zeros((STATES, STATES)), np.zeros(STATES)
     for b in range(blocks):
-        A, Q = As[mode[b]], Qs[mode[b]]
-        if b > 0 and mode[b] != mode[b - 1]:
-            settled = False
-        for i in range(n):
-            for j in range(columns):
-                moved[i, j] = 0.0
-            for k in range(n):
-                a = A[i, k]
-                # half of a transition is zero, and columns lie side by side
-                if a != 0.0:
-                    for j in range(columns):
-                        moved[i, j] += a * z[k, j]
-        for i in range(n):
-            for j in range(columns):
-                z[i, j] = moved[i, j]
         if b > 0:
+            if mode[b] != mode[b - 1]:
+                settled = False
             for c in range(carts):
                 if valid[c, b] != valid[c, b - 1]:
                     settled = False
                     if valid[c, b]:
                         P[6 + c, 6 + c] += _UNKNOWN * rounding[c]
-        if not settled:
-            for i in range(n):
-                for k in range(n):
-                    step[i, k] = 0.0
-                for m in range(n):
-                    a = A[i, m]
-                    if a != 0.0:
-                        for k in range(n):
-                            step[i, k] += a * P[m, k]
-            for i in range(n):
-                for k in range(n):
-                    P[i, k] = Q[i, k]
-            for k in range(n):
-                for m in range(n):
-                    a = A[k, m]
-                    if a != 0.0:
-                        for i in range(n):
-                            P[i, k] += step[i, m] * a
+        if settled:
+            gain[b] = gain[b - 1]
+            variance[:, b] = variance[:, b - 1]
+            continue
+        A, Q = As[mode[b]], Qs[mode[b]]
+        # A P Aᵀ = A (A P)ᵀ, for P is symmetric
+        _carried(A, P, room)
+        for i in range(STATES):
+            for k in range(STATES):
+                turned[i, k] = room[k, i]
+        _carried(A, turned, P)
+        P += Q
         change = 0.0
+        for c in range(carts):
+            if not valid[c, b]:
+                continue
+            row = 2 * c
+            for i in range(STATES):
+                shown[i] = P[row, i] + P[6 + c, i]
+            variance[c, b] = shown[row] + shown[6 + c] + rounding[c]
+            for i in range(STATES):
+                own = shown[i] / variance[c, b]
+                before = gain[b - 1, c, i] if b > 0 else 0.0
+                change = max(change, abs(own - before) / (abs(own) + 1e-12))
+                gain[b, c, i] = own
+                for k in range(STATES):
+                    P[i, k] -= own * shown[k]
+        settled = b > 0 and change < _SETTLED
+
+
+@kernel
+def _innovations(As: Any, mode: Any, gain: Any, scale: Any, x: Any, valid: Any, step: float, out: Any) -> None:
+    """Write whitened rows, shape (carts, blocks, columns); ``step`` sums rows to positions first, 0 where they are positions."""
+    carts, blocks, columns = x.shape
+    z, moved = np.zeros((STATES, columns)), np.zeros((STATES, columns))
+    summed, error = np.zeros((carts, columns)), np.zeros(columns)
+    for b in range(blocks):
+        _carried(As[mode[b]], z, moved)
         for c in range(carts):
             if not valid[c, b]:
                 for j in range(columns):
                     out[c, b, j] = 0.0
                 continue
-            row = 2 * c
-            if not settled:
-                for i in range(n):
-                    shown[i] = P[i, row] + P[i, 6 + c]
-                variance[c] = shown[row] + shown[6 + c] + rounding[c]
-                for i in range(n):
-                    before[c, i] = gain[c, i]
-                    gain[c, i] = shown[i] / variance[c]
-                    change = max(change, abs(gain[c, i] - before[c, i]) / (abs(gain[c, i]) + 1e-12))
-                for i in range(n):
-                    for k in range(n):
-                        P[i, k] -= gain[c, i] * shown[k]
-            scale = 1.0 / np.sqrt(variance[c])
             for j in range(columns):
-                error[j] = y[c, b, j] - z[row, j] - z[6 + c, j]
-                out[c, b, j] = error[j] * scale
-            for i in range(n):
-                own = gain[c, i]
+                summed[c, j] = summed[c, j] + step * x[c, b, j] if step > 0.0 else x[c, b, j]
+                error[j] = summed[c, j] - moved[2 * c, j] - moved[6 + c, j]
+                out[c, b, j] = error[j] * scale[c, b]
+            for i in range(STATES):
+                own = gain[b, c, i]
                 for j in range(columns):
-                    z[i, j] += own * error[j]
-            if not (mode[b] >> c) & 1:
-                total += np.log(variance[c])
-        if change < _SETTLED and b > 0:
-            settled = True
-    return total
+                    moved[i, j] += own * error[j]
+        z, moved = moved, z
 
 
-def whitened(
-    A: FloatArray,
-    Q: FloatArray,
-    mode: IntArray,
-    start: FloatArray,
-    rounding: FloatArray,
-    rows: FloatArray,
-    valid: BoolArray,
-) -> tuple[FloatArray, float]:
-    """Return whitened rows, shape (carts, blocks, columns), and the sum of the logarithms of the innovations' variances.
+@dataclass(frozen=True, eq=False)
+class Filter:
+    """Kalman filter of one recording, whose gains do not depend on what it filters.
 
-    Parameters
+    Attributes
     ----------
-    A, Q : ndarray, shape (4, 8, 8)
-        Of every mode.
+    A : ndarray, shape (4, 8, 8)
+        Transition in every mode.
     mode : ndarray of int, shape (blocks,)
         Which carts rest.
-    start : ndarray, shape (8,)
-        Variances of the state at the start.
-    rounding : ndarray, shape (carts,)
-        Variance of a position reading [mm²].
-    rows : ndarray, shape (carts, blocks, columns)
-        Positions.
+    gain : ndarray, shape (blocks, carts, 8)
+    variance : ndarray, shape (carts, blocks)
+        Of the innovations; 1 where there is no reading.
     valid : ndarray of bool, shape (carts, blocks)
+    step
+        Time between velocities, which are summed to positions first [s]; 0 for positions.
     """
-    carts, _, columns = rows.shape
-    out = np.empty_like(rows)
-    room = np.zeros((carts, STATES)), np.zeros((STATES, columns))
-    total = innovations(A, Q, mode, np.diag(start), rounding, np.ascontiguousarray(rows), valid, *room, out)
-    return out, float(total)
+
+    A: FloatArray
+    mode: IntArray
+    gain: FloatArray
+    variance: FloatArray
+    valid: BoolArray
+    step: float
+
+    @classmethod
+    def of(
+        cls,
+        A: FloatArray,
+        Q: FloatArray,
+        mode: IntArray,
+        start: FloatArray,
+        rounding: FloatArray,
+        valid: BoolArray,
+        step: float = 0.0,
+    ) -> Filter:
+        """Return the filter of a recording.
+
+        Parameters
+        ----------
+        A, Q : ndarray, shape (4, 8, 8)
+            Of every mode.
+        start : ndarray, shape (8,)
+            Variances of the state at the start.
+        rounding : ndarray, shape (carts,)
+            Variance of a position reading [mm²].
+        """
+        carts, blocks = valid.shape
+        gain, variance = np.zeros((blocks, carts, STATES)), np.ones((carts, blocks))
+        _riccati(A, Q, mode, np.diag(start), rounding, valid, gain, variance)
+        return cls(A, mode, gain, variance, valid, step)
+
+    @property
+    def logarithm(self) -> float:
+        """Return the sum of the logarithms of the innovations' variances of moving carts."""
+        carts = len(self.valid)
+        moving = self.valid & ((self.mode >> np.arange(carts)[:, None]) & 1 == 0)
+        return float(np.log(self.variance[moving]).sum())
+
+    def white(self, rows: FloatArray) -> FloatArray:
+        """Return whitened rows, shape (carts, blocks, columns)."""
+        out = np.empty(rows.shape)
+        scale = 1.0 / np.sqrt(self.variance)
+        _innovations(self.A, self.mode, self.gain, scale, np.ascontiguousarray(rows), self.valid, self.step, out)
+        return out

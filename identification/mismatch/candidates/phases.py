@@ -10,6 +10,7 @@ residual e of a recording the gain of log-likelihood is
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -50,12 +51,11 @@ class Phase:
         return self.id, self.where
 
 
-def phases(bench: Bench, values: Values) -> list[tuple[Phase, list[FloatArray]]]:
-    """Return ripples with the change of the rows per unit of sine and cosine, on a grid of periods.
+def phases(bench: Bench, values: Values) -> Iterator[tuple[Phase, list[FloatArray]]]:
+    """Yield ripples with the change of the rows per unit of sine and cosine, on a grid of periods.
 
     They follow the simulated motion: a ripple along the measured one would tell the simulation where the carts went.
     """
-    found: list[tuple[Phase, list[FloatArray]]] = []
     ids = {(e.id, w) for e in EFFECTS for w in e.where}
     tracks = [simulate_run(values, replace(free(run), positions=True)) for run in bench.runs]
     for c in range(bench.carts):
@@ -64,16 +64,15 @@ def phases(bench: Bench, values: Values) -> list[tuple[Phase, list[FloatArray]]]
         # a cart that a fast sine hardly moves tells nothing of the track: the recordings that go far do
         way = float(np.max([np.ptp(x) for x in track]))
         if c == 0 and ("cogging", "drivetrain") in ids:
-            found += _forces(bench, values, "cogging", "drivetrain", c, _periods(4.0, way), track, None)
+            yield from _forces(bench, values, "cogging", "drivetrain", c, _periods(4.0, way), track, None)
         if level > 0.0:
             against = [-moving(x, run.sample_time, positions=True) for x, run in zip(track, bench.runs, strict=True)]
             periods = _periods(_SHORTEST_FRICTION_MM, way)
-            found += _forces(bench, values, "position_friction", f"cart_{c + 1}", c, periods, track, against)
+            yield from _forces(bench, values, "position_friction", f"cart_{c + 1}", c, periods, track, against)
         if ("encoder_eccentricity", f"encoder_{c + 1}") in ids:
             for period in _periods(10.0, way):
                 columns = [_reading(bench, c, period, track, turn) for turn in (0.0, 0.5 * np.pi)]
-                found.append((Phase("encoder_eccentricity", f"encoder_{c + 1}", period), columns))
-    return found
+                yield Phase("encoder_eccentricity", f"encoder_{c + 1}", period), columns
 
 
 def _periods(shortest: float, way: float) -> list[float]:

@@ -34,7 +34,6 @@ def test_a_carriage_shows_dry_friction(carriage):
     assert "coulomb_friction@cart_1" in names(carriage)
 
 
-@pytest.mark.xfail(reason="in blocks of one recording a constant force is taken for unknown slow forces")
 def test_a_carriage_shows_a_constant_force(carriage):
     # from one cart a constant force on the command is one on the guide, and while moving one in the friction
     assert names(carriage) & {"input_offset@actuator", "tilt@guide", "coulomb_asymmetry@cart_1"}

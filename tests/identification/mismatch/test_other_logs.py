@@ -40,9 +40,6 @@ def test_one_cart_in_closed_loop_with_positions_only(log, found):
     assert {f.id for f in found.findings} <= {"input_offset", "tilt", "coulomb_asymmetry"}
 
 
-@pytest.mark.xfail(
-    strict=True, reason="blocks of one recording share a constant force: it is taken for run-to-run variability"
-)
 def test_the_constant_force_of_one_cart_is_named(found):
     assert {f.id for f in found.findings} & {"input_offset", "tilt", "coulomb_asymmetry"}
     for name in ("m1", "b1"):

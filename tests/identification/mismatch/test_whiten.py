@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from identification.mismatch.whiten import STATES, transitions, whitened
+from identification.mismatch.whiten import STATES, Filter, transitions
 
 VALUES = {"m1": 8e-4, "b1": 0.01, "m2": 5e-4, "b2": 3e-3, "k": 0.09}
 H, RHO = 0.005, 2e-6
@@ -42,8 +42,8 @@ def test_innovations_have_the_likelihood_of_the_dense_normal_distribution():
     y = rng.multivariate_normal(np.zeros(2 * n), covariance)
     rows = np.ascontiguousarray(y.reshape(n, 2).T[..., None])
     mode, valid = np.zeros(n, dtype=np.int64), np.ones((2, n), dtype=bool)
-    white, logarithm = whitened(A, Q, mode, start, np.full(2, RHO), rows, valid)
-    own = -0.5 * (np.sum(white**2) + logarithm + 2 * n * np.log(2.0 * np.pi))
+    filter_ = Filter.of(A, Q, mode, start, np.full(2, RHO), valid)
+    own = -0.5 * (np.sum(filter_.white(rows) ** 2) + filter_.logarithm + 2 * n * np.log(2.0 * np.pi))
     assert own == pytest.approx(multivariate_normal(np.zeros(2 * n), covariance).logpdf(y), rel=1e-9)
 
 
@@ -56,7 +56,7 @@ def test_the_settled_filter_whitens_a_long_run():
         z = A[0] @ z + root @ rng.normal(size=STATES)
         rows[:, i, 0] = z[[0, 2]] + np.sqrt(RHO) * rng.normal(size=2)
     mode, valid = np.zeros(n, dtype=np.int64), np.ones((2, n), dtype=bool)
-    white, _ = whitened(A, Q, mode, start, np.full(2, RHO), rows, valid)
+    white = Filter.of(A, Q, mode, start, np.full(2, RHO), valid).white(rows)
     for w in white[..., 0]:
         assert np.std(w) == pytest.approx(1.0, abs=0.05)
         assert abs(np.corrcoef(w[1:], w[:-1])[0, 1]) < 0.05
@@ -69,7 +69,7 @@ def test_lost_samples_leave_an_unknown_offset():
     valid[1, 100:120] = False
     step = np.zeros((2, n, 1))
     step[1, 120:] = 25.0
-    white, _ = whitened(A, Q, mode, start, np.full(2, RHO), step, valid)
+    white = Filter.of(A, Q, mode, start, np.full(2, RHO), valid).white(step)
     # 25 mm lost are no motion
     assert np.max(np.abs(white)) < 3.0
 
