@@ -149,31 +149,16 @@ def _uncertainty(study: StabilityStudy, feedback: str) -> dict[str, object]:
 
 
 def _print_uncertainty(study: StabilityStudy) -> None:
-    from baselines.lab.prediction_names import prediction_name  # noqa: PLC0415
-    from baselines.lab.uncertainty import interval_in_words, reasons  # noqa: PLC0415
+    from baselines.lab.uncertainty import PREDICTION_COLUMNS, prediction_rows, reasons  # noqa: PLC0415
 
     units = study.drive.units
 
     if study.drive.covariance is None:
         say("no intervals: the drive has no covariance; identify it with --method ml")
         return
-    if not any(p.draws for p in study.predicted.values()):
+    rows = prediction_rows(study.predicted.values(), units)
+    if not rows:
         return
-    table(
-        "predicted for another run of this rig",
-        ["figure", "of the drive", "median", "95 % interval", "unit", "extrapolated"],
-        [
-            [
-                prediction_name(p.name, units),
-                number(p.value),
-                number(p.median),
-                interval_in_words(p),
-                p.unit,
-                "yes" if p.extrapolated else "no",
-            ]
-            for p in (p.of_rig(units) for p in study.predicted.values())
-            if p.draws
-        ],
-    )
+    table("predicted for another run of this rig", list(PREDICTION_COLUMNS), [list(row) for row in rows])
     for sentence in reasons(study.predicted.values(), units):
         say(sentence)

@@ -327,6 +327,28 @@ def interval_in_words(p: Predicted, digits: int = 4) -> str:
     return f"{low} … {high}"
 
 
+PREDICTION_COLUMNS = ("figure", "of the drive", "median", "95 % interval", "unit", "extrapolated")
+
+
+def prediction_rows(predicted: Iterable[Predicted], units: Units = LAB) -> list[tuple[str, ...]]:
+    """Return a row of cells, under ``PREDICTION_COLUMNS``, for every prediction that was drawn."""
+
+    def number(x: float | None) -> str:
+        return "no limit" if x is None else f"{x:.4g}"
+
+    return [
+        (
+            prediction_name(p.name, units),
+            number(p.value),
+            number(p.median),
+            interval_in_words(p),
+            p.unit,
+            "yes" if p.extrapolated else "no",
+        )
+        for p in (p.of_rig(units) for p in predicted if p.draws)
+    ]
+
+
 def reasons(predicted: Iterable[Predicted], units: Units = LAB) -> list[str]:
     """Return why predictions extrapolate, one sentence for each of them."""
     return [

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from baselines.lab.prediction_names import prediction_name
 from baselines.lab.stability_study import StabilityStudy
-from baselines.lab.uncertainty import interval_in_words, reasons
+from baselines.lab.uncertainty import PREDICTION_COLUMNS, prediction_rows, reasons
 from baselines.loop_analysis.stability_limit import LARGEST_GAIN
 from baselines.report import control_plots as plots
 from baselines.report.discussion import measure_p_control
@@ -83,20 +82,7 @@ def _intervals(study: StabilityStudy) -> Section:
         f"Every figure was computed on {drawn[0].draws} drives drawn from the covariance over recordings and from the "
         "friction that differs between runs. The interval holds 95 % of them."
     )
-    section.table(
-        ("figure", "of the drive", "median", "95 % interval", "unit", "extrapolated"),
-        [
-            (
-                prediction_name(p.name, units),
-                _cell(p.value),
-                _cell(p.median),
-                interval_in_words(p),
-                p.unit,
-                "yes" if p.extrapolated else "no",
-            )
-            for p in (p.of_rig(units) for p in drawn)
-        ],
-    )
+    section.table(PREDICTION_COLUMNS, prediction_rows(drawn, units))
     for sentence in reasons(drawn, units):
         section.text(sentence)
     return section
