@@ -165,11 +165,13 @@ def real(name):
     return run_benchmark(BENCHMARKS[name], REAL / name)
 
 
-# the others take more than ten minutes each: ``flexdrive benchmark`` by hand
+# Silverbox takes four minutes: ``flexdrive benchmark`` by hand
 @pytest.mark.slow
 @each(
     ("name", "most", "named"),
     [
+        # the bound is a linear state space model's
+        ("emps", 5.53, {"coulomb_friction@cart_1"}),
         # both records together, against the mean of the two of a linear state space model
         ("coupled_drives", 0.304, {"rectified_sensor@encoder_2"}),
     ],
