@@ -6,7 +6,8 @@ On cart c it is a force
    + \sum_j h_j \sin(2\pi x_c/\lambda_j + \varphi_j) + c ,
 
 with a friction level l, hat functions :math:`\Lambda_k` every two seconds, wavelengths half an octave apart, and a constant c;
-and the deflection in which the spring starts. Amplitudes are random effects of every recording. Their prior standard deviations
+the deflection in which the spring starts; and the time between command and reading, which is known to a sample at best.
+Amplitudes are random effects of every recording. Their prior standard deviations
 were measured on ``mte360_2022`` and ``mte360_2025`` (replicates of the same command, ``python -m benchmarks blind_nuisance``),
 relative to the rig's own dry friction, so that they carry over to rigs of other scales.
 """
@@ -27,6 +28,8 @@ from identification.mismatch.bench import Bench, Values
 LEVEL, WANDER, ROUGH, HILLS, CONSTANT = 0.06, 0.04, 0.026, 0.011, 0.03
 # a spring starts anywhere within the friction of the easier cart: uniform, ±0.7 of it
 START = 0.4
+# command and readings fall anywhere within a sample: uniform, [samples]
+INSTANT = 0.29
 WAVES_MM = (4.0, 6.0, 9.0, 13.5, 20.0, 30.0, 45.0, 68.0, 100.0)
 KNOT_S = 2.0
 # spread of the places where recordings begin
@@ -93,6 +96,7 @@ def directions(bench: Bench, values: Values) -> list[Direction]:
         band = min(dry_level(values, 0), dry_level(values, 1)) / values["k"]
         band = max(band, *(max(run.counts, default=0.0) for run in bench.runs))
         found.append(Direction("start deflection", START * band, bench.displaced(values, max(0.5 * band, 1e-6))))
+    found.append(Direction("sampling instant", INSTANT, _later(bench, values)))
     for c in range(bench.carts):
         # a count is a staircase: where a recording is compared by position, its zero lies anywhere within one
         change = np.zeros(len(bench.valid))
@@ -105,6 +109,16 @@ def directions(bench: Bench, values: Values) -> list[Direction]:
         if quantum > 0.0:
             found.append(Direction("zero", quantum, change))
     return found
+
+
+def _later(bench: Bench, values: Values) -> FloatArray:
+    """Return how the rows change where a recording's command comes a sample later, shape (N,)."""
+    least = min(run.sample_time for run in bench.runs)
+    delayed = {**values, "input_delay.tau": values.get("input_delay.tau", 0.0) + least}
+    change = bench.residual(delayed) - bench.residual(values)
+    for rows, run in zip(bench.rows, bench.runs, strict=True):
+        change[rows] *= run.sample_time / least
+    return change
 
 
 def drawn(
