@@ -31,8 +31,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path, nargs="?", default=DATA)
     folder = parser.parse_args(sys.argv[2:]).folder
     if not folder.is_dir():
-        print(f"skipped: no recordings in {folder.name}")
-        return
+        parser.error(f"FOLDER: must hold recordings; {folder} does not exist. Name the folder of one rig.")
     print(
         "| recording | cart | reversals | still before [ms] | still after [ms] | then [mm/s] |\n|---|---|---|---|---|---|"
     )
@@ -69,7 +68,3 @@ def _still(v: FloatArray, a: int, b: int) -> tuple[int, int]:
     zero = -offset / slope if slope * v[a] < 0.0 else a + 1.0
     zero = float(np.clip(zero, a, b))
     return round(zero - a), round(b - zero)
-
-
-if __name__ == "__main__":
-    main()

@@ -36,6 +36,7 @@ from flexdrive_gym.references import STROKE_MM
 from flexdrive_gym.units import LAB, Units
 
 DRAWS = 100
+PREDICTION_COLUMNS = ("figure", "of the drive", "median", "95 % interval", "unit", "extrapolated")
 _SETTLED_S, _MEAN_S = 6.0, 0.5
 # how far beyond what was recorded a motion may go before a prediction of it is called an extrapolation
 _BEYOND = 1.1
@@ -319,28 +320,26 @@ def loop_uncertainty(
     return LoopUncertainty(1.0 - len(stable) / draws, ci95, draws)  # type: ignore[arg-type]
 
 
+def limit_in_words(x: float | None, digits: int = 4) -> str:
+    """Return a figure that may have no limit, for people."""
+    return "no limit" if x is None else f"{x:.{digits}g}"
+
+
 def interval_in_words(p: Predicted, digits: int = 4) -> str:
     """Return the 95 % interval of a prediction, for people; a dash without one."""
     if p.ci95 is None or p.ci95 == (None, None):
         return "–"
-    low, high = ("no limit" if x is None else f"{x:.{digits}g}" for x in p.ci95)
+    low, high = (limit_in_words(x, digits) for x in p.ci95)
     return f"{low} … {high}"
-
-
-PREDICTION_COLUMNS = ("figure", "of the drive", "median", "95 % interval", "unit", "extrapolated")
 
 
 def prediction_rows(predicted: Iterable[Predicted], units: Units = LAB) -> list[tuple[str, ...]]:
     """Return a row of cells, under ``PREDICTION_COLUMNS``, for every prediction that was drawn."""
-
-    def number(x: float | None) -> str:
-        return "no limit" if x is None else f"{x:.4g}"
-
     return [
         (
             prediction_name(p.name, units),
-            number(p.value),
-            number(p.median),
+            limit_in_words(p.value),
+            limit_in_words(p.median),
             interval_in_words(p),
             p.unit,
             "yes" if p.extrapolated else "no",

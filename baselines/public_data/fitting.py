@@ -18,11 +18,10 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from baselines.public_data.benchmark import Benchmark
-from flexdrive_gym.drive.parameters import fastest
 from flexdrive_gym.recording import FloatArray, Recording
 from identification.initial_state import with_start
-from identification.mismatch.fit import FASTEST, Coordinates
-from identification.replay.output_error import PHYSICS_S, Run, prepare_measured, simulate_run
+from identification.mismatch.fit import Coordinates, resolved
+from identification.replay.output_error import Run, prepare_measured, simulate_run
 
 Values = Mapping[str, float]
 # of positions over which a velocity is taken [s]
@@ -70,9 +69,7 @@ def residual(values: Values, piece: Piece, benchmark: Benchmark) -> FloatArray:
     """Return what a fit makes small, window left out, samples of faults 0, in spreads of the output."""
     run, window = piece.run, benchmark.rule.window
     limit = _RUNAWAY * piece.spread
-    # what is as good as rigid would take thousands of steps a sample and tell nothing more
-    rigid = fastest(values)[0] * PHYSICS_S >= FASTEST
-    error = np.full(len(run.u), limit) if rigid else piece.measured - simulated(values, piece)
+    error = piece.measured - simulated(values, piece) if resolved(values) else np.full(len(run.u), limit)
     error = np.clip(error, -limit, limit)
     error = np.where(run.keep[piece.channel], error, 0.0)
     if benchmark.horizon is None:

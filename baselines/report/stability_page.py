@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from baselines.lab.stability_study import StabilityStudy
-from baselines.lab.uncertainty import PREDICTION_COLUMNS, prediction_rows, reasons
+from baselines.lab.uncertainty import PREDICTION_COLUMNS, limit_in_words, prediction_rows, reasons
 from baselines.loop_analysis.stability_limit import LARGEST_GAIN
 from baselines.report import control_plots as plots
 from baselines.report.discussion import measure_p_control
@@ -42,7 +42,7 @@ def build_stability_page(study: StabilityStudy) -> str:
 
 
 def _cell(value: float | None, one: float = 1.0) -> str:
-    return "no limit" if value is None else f"{value / one:.4g}"
+    return limit_in_words(None if value is None else value / one)
 
 
 def _limits(study: StabilityStudy) -> Section:

@@ -26,7 +26,7 @@ from identification.replay.output_error import PHYSICS_S
 # step of a finite difference, in scaled coordinates, far above round-off: sticking makes residuals smooth only piece by piece
 _STEP = 2e-3
 # a rate times the step beyond which an effect is as good as instantaneous
-FASTEST = 10.0
+_FASTEST = 10.0
 
 
 class Metric(Protocol):
@@ -77,13 +77,13 @@ class Fit:
         z = self.coordinates.of(self.values)
         return _jacobian(self.bench, self.coordinates, z, self.values, self.residual)
 
-    @property
+    @cached_property
     def interior(self) -> BoolArray:
-        """Which parameters do not rest at a bound, shape (p,)."""
+        """Return which parameters do not rest at a bound, shape (p,)."""
         c, z = self.coordinates, self.coordinates.of(self.values)
         return np.asarray((z > c.low + 1e-9) & (z < c.high - 1e-9) & np.any(self.jacobian, axis=0))
 
-    @property
+    @cached_property
     def scale(self) -> FloatArray:
         """Return the change of a parameter per unit of its coordinate, shape (p,)."""
         return self.coordinates.rate(self.coordinates.of(self.values))
@@ -93,6 +93,11 @@ class Fit:
         """Return the normal equations per unit, of the parameters that do not rest at a bound."""
         both = np.column_stack([self.jacobian[:, self.interior], self.residual])
         return Normal.of(self.bench.products(self.metric.white(both)))
+
+
+def resolved(values: Values) -> bool:
+    """Whether a simulation resolves a drive: what is as good as rigid takes thousands of steps a sample for nothing."""
+    return fastest(values)[0] * PHYSICS_S < _FASTEST
 
 
 class Coordinates:
@@ -174,7 +179,7 @@ def fit(
     now = c.to(z, start)
     raw = bench.residual(now)
     white = metric.white(raw)
-    cost, fresh = float(white @ white), near is None or near.values == now
+    cost, fresh = float(white @ white), near is None or near.values == start
     S = _jacobian(bench, c, z, now, raw, near)
     for _ in range(settings.iterations if iterations is None else iterations):
         W = metric.white(S)
@@ -182,7 +187,7 @@ def fit(
         for _attempt in range(6 if fresh else 2):
             new = _stepped(c, z, H, g, damping)
             trial = c.to(new, start)
-            if fastest(trial)[0] * PHYSICS_S < FASTEST:
+            if resolved(trial):
                 moved = bench.residual(trial)
                 moved_white = metric.white(moved)
                 square = float(moved_white @ moved_white)

@@ -9,16 +9,14 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from flexdrive_gym.drive.parameters import fastest
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.bench import Bench
 from identification.mismatch.candidates.catalogue import Candidate
 from identification.mismatch.candidates.free import Shape
 from identification.mismatch.candidates.phases import Phase, phases
-from identification.mismatch.fit import FASTEST, Fit
+from identification.mismatch.fit import Fit, resolved
 from identification.mismatch.noise import Noise
 from identification.mismatch.score import Normal
-from identification.replay.output_error import PHYSICS_S
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +135,7 @@ def linearise(
         for i in range(len(c.sizes)):
             effect = c.one(i)
             drives[tuple(sorted(effect.items()))] = ({**model.values, **effect}, c.sizes[i][1])
-    drives = {k: v for k, v in drives.items() if fastest(v[0])[0] * PHYSICS_S < FASTEST}
+    drives = {k: v for k, v in drives.items() if resolved(v[0])}
     here = model.residual
     found = {
         k: ((moved - here) / size).astype(np.float32)

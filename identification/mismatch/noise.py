@@ -198,7 +198,7 @@ def first_noise(bench: Bench, values: Values) -> Noise:
     return Noise(bench, dict(values), Forces.of(np.zeros(5), *_level(bench, values)), np.ones(len(bench.runs)))
 
 
-def usual(noise: Noise) -> Noise | None:
+def with_usual_forces(noise: Noise) -> Noise | None:
     """Return the noise with slow forces as a search for them begins; ``None`` where they are not at the most they may be.
 
     Forces as large as that are something left out, or hide it.

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexdrive_gym.drive.effects import LAYOUT
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.bench import Bench, Values
 from identification.mismatch.candidates.catalogue import Candidate, catalogue
@@ -16,8 +15,9 @@ from identification.mismatch.candidates.narrow_band import Line
 from identification.mismatch.candidates.phases import Phase
 from identification.mismatch.evaluate import Name, Table, evaluate, random_gains
 from identification.mismatch.fit import Fit, Metric, fit
+from identification.mismatch.generous import WORTH, generous
 from identification.mismatch.linear import Linear, linearise
-from identification.mismatch.noise import Noise, damped, estimate, first_noise, usual
+from identification.mismatch.noise import Noise, damped, estimate, first_noise, with_usual_forces
 from identification.mismatch.nuisance import Direction, directions, dry_level
 from identification.mismatch.null import Null, first_draws, null_of
 from identification.mismatch.ranking import Round, Scored, nameless, ranked, scores, tied
@@ -30,8 +30,6 @@ Say = Callable[[str], None]
 _TRY = 4
 # significant candidates that are tried beside what was named
 _MORE = 3
-# log-likelihood that a parameter must gain to join the generous model: Akaike's one, and one for having been chosen
-_WORTH = 2.0
 
 
 def _absent(candidates: Sequence[Candidate], base: Fit) -> set[str]:
@@ -158,7 +156,7 @@ class Selector:
     def _seen_far(self, base: Fit, candidates: Sequence[Candidate]) -> list[Start]:
         """Return the candidates that the equation error puts first, with the parameters that it sees."""
         # dry friction is in the equation already, whether the model has it or not
-        known = {k: v for k, v in base.values.items() if k in LAYOUT and "." in k}
+        known = {k: v for k, v in base.values.items() if "." in k}
         return far_starts(self.bench, base, known, candidates)
 
     def _near(self, base: Fit, proposed: Sequence[Start]) -> Fit:
@@ -181,7 +179,7 @@ class Selector:
                 _both(last.base.values, model.values, s.fit.values, last.best.candidate),
             )
             more = min((fit(self.bench, last.noise, v, names) for v in starts), key=lambda f: f.cost)
-            if more.cost < model.cost - _WORTH * len(s.candidate.keys):
+            if more.cost < model.cost - WORTH * len(s.candidate.keys):
                 model = more
         return model
 
@@ -207,9 +205,10 @@ class Selector:
                 base = fit(bench, noise, base.values, base.names)
                 linear = self._linear(base, noise, candidates)
                 model = self._freed(model, noise, linear, found, candidates)
-                found = (*directions(bench, model.values), *phases)
+                if model is not whole:
+                    found = (*directions(bench, model.values), *phases)
             near = model if len(model.names) > len(base.names) else base
-            left = _generous(linear.around(near, noise))
+            left = generous(linear.around(near, noise))
             noise = estimate(bench, near.values, left, found)
             noise, first = first_draws(bench, base.values, noise, found, left, seed)
             base = fit(bench, noise, base.values, base.names)
@@ -255,21 +254,21 @@ class Selector:
         Forces and physics that is left out compete for the same residual. Where forces have the most that they may have,
         candidates are fitted with forces of a usual size, and the more probable account of the residual is kept.
         """
-        before = usual(noise)
-        if before is None:
+        quiet = with_usual_forces(noise)
+        if quiet is None:
             return model
         base = linear.model
-        around = linear.around(base, before)
+        around = linear.around(base, quiet)
         table = evaluate(around, around.residual[:, None])
         order = sorted(table.total, key=lambda n: -float(table.total[n][0]))
         jobs = [
             *candidate_starts(base, around, table, candidates, order, self.settings.proposals),
             *((c, {**base.values, **own}) for c, own in self._seen_far(base, candidates)),
         ]
-        best = min((f for _, f in self._fits(base, before, jobs).values()), key=lambda f: f.cost)
+        best = min((f for _, f in self._fits(base, quiet, jobs).values()), key=lambda f: f.cost)
         other = estimate(self.bench, best.values, best.residual, found)
         more = len(best.names) - len(model.names)
-        return best if other.cost + _WORTH * more < noise.cost else model
+        return best if other.cost + WORTH * more < noise.cost else model
 
     def _jobs(
         self, base: Fit, linear: Linear, table: Table, first: FloatArray, candidates: Sequence[Candidate]
@@ -328,7 +327,7 @@ class Selector:
         again = [base, *self.bench.pool.map(one, leading)]
         costs = np.array([f.cost for f in again])
         best = again[int(np.argmin(costs))]
-        return (best if best.cost < base.cost - _WORTH else base), float(0.5 * (np.median(costs) - costs.min()))
+        return (best if best.cost < base.cost - WORTH else base), float(0.5 * (np.median(costs) - costs.min()))
 
     def _pruned(self, base: Fit, noise: Noise, scored: Sequence[Scored], significant: Sequence[Scored]) -> list[Scored]:
         """Return candidates where the best one has no more sizes than it needs: one that predicts as well alone is enough."""
@@ -376,26 +375,3 @@ class Selector:
         without = fit(self.bench, last.noise, values, names)
         gain = gains(without.normal, model.normal, self.settings.damping)
         return last.null.p_value(scored.name, float(trimmed(gain))), without
-
-
-def _generous(linear: Linear) -> FloatArray:
-    """Return the raw residual of a model that has, linearly, whatever predicts other experiments."""
-    damping = linear.bench.settings.damping
-    residual = linear.residual[:, None]
-    g, square = linear.gradient(residual)[..., 0], linear.square(residual)[:, 0]
-    columns: list[int] = []
-    before = linear.normal(g, square)
-    rest = [e for e in linear.entries if not e.random]
-    for _ in range(linear.bench.settings.generous):
-        best = None
-        for entry in rest:
-            more = [*columns, *(c for c in entry.columns if c not in columns)]
-            normal = linear.normal(g, square, more)
-            gain = float(gains(before, normal, damping).sum()) - _WORTH * (len(more) - len(columns))
-            if best is None or gain > best[0]:
-                best = gain, entry, normal, more
-        if best is None or best[0] <= 0.0:
-            break
-        _, entry, before, columns = best
-        rest.remove(entry)
-    return linear.moved(columns, before.solve(damping))
