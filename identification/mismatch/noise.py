@@ -51,8 +51,8 @@ _EVALUATIONS = 120
 _STILL = 1e-3
 # steps of expectation maximisation
 _MAXIMISATIONS = 6
-# how far a group's standard deviation may go from its prior, as a factor: other rigs are quieter or rougher
-_LEAST, _MOST = 0.25, 4.0
+# how far a group's standard deviation may go below its prior, as a factor: other rigs are quieter
+_LEAST = 0.25
 # rows over which a scatter is smoothed: 15 ms, the time of a slip
 _NEIGHBOURS = 3
 # innovation that one row of a normal data set of 40,000 reaches
@@ -328,7 +328,8 @@ def _scales(mean: FloatArray, variance: FloatArray, found: Sequence[Direction]) 
     own = np.var(mean, axis=0) + variance.mean(axis=0)
     groups = sorted({d.group for d in found})
     square = {g: float(np.mean([o for o, d in zip(own, found, strict=True) if d.group == g])) for g in groups}
-    return {g: float(np.clip(np.sqrt(s), _LEAST, _MOST)) for g, s in square.items()}
+    most = {d.group: d.most for d in found}
+    return {g: float(np.clip(np.sqrt(s), _LEAST, most[g])) for g, s in square.items()}
 
 
 def _modes(bench: Bench, white: FloatArray, found: Sequence[Direction], scale: Mapping[str, float]) -> list[FloatArray]:

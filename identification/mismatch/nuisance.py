@@ -57,6 +57,9 @@ class Direction:
     force
         From a recording's number to the force on each cart per unit amplitude, ndarray, shape (2, n); ``None`` where it
         is no force.
+    most
+        How far the standard deviation may go beyond the prior one, as a factor: other rigs are rougher, but no clock is off
+        by more than its sample.
     """
 
     group: str
@@ -64,6 +67,7 @@ class Direction:
     change: FloatArray
     wave: tuple[str, float, int] | None = None
     force: Callable[[int], FloatArray] | None = None
+    most: float = 4.0
 
 
 def directions(bench: Bench, values: Values) -> list[Direction]:
@@ -96,7 +100,7 @@ def directions(bench: Bench, values: Values) -> list[Direction]:
         band = min(dry_level(values, 0), dry_level(values, 1)) / values["k"]
         band = max(band, *(max(run.counts, default=0.0) for run in bench.runs))
         found.append(Direction("start deflection", START * band, bench.displaced(values, max(0.5 * band, 1e-6))))
-    found.append(Direction("sampling instant", INSTANT, _later(bench, values)))
+    found.append(Direction("sampling instant", INSTANT, _later(bench, values), most=1.0))
     for c in range(bench.carts):
         # a count is a staircase: where a recording is compared by position, its zero lies anywhere within one
         change = np.zeros(len(bench.valid))
