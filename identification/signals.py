@@ -31,7 +31,13 @@ def velocities(recording: Recording) -> list[FloatArray]:
         else:
             break
     if not result:
-        raise ValueError(f"{recording.name}: needs v1 or x1; got neither. Record cart 1's encoder.")
+        ignored = " ".join(
+            f"{note[0].upper()}{note[1:]}." for note in recording.notes if note.startswith("columns ignored")
+        )
+        raise ValueError(
+            f"{recording.name}: needs v1 or x1; got neither. {ignored or 'Its columns hold no such signal.'} "
+            "Record cart 1's encoder, or give its column a name and a unit that are known (docs/recordings.md)."
+        )
     return result
 
 
