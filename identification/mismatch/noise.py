@@ -37,8 +37,8 @@ Across = Callable[[Callable[[int], FloatArray], Iterable[int]], Iterable[FloatAr
 WHITE, SLOW, TIME_S = 0.01, 0.1, 0.3
 # share of the command that unknown forces may have: more is something left out; white ones as their mean over so many seconds
 _MOST_OF_COMMAND, _MEAN_S = 0.1, 0.05
-# of what unknown forces may have at most, from which on they are at it
-_NEARLY = 0.9
+# slow forces over those that a search begins with, from which on they may be something left out
+_UNUSUAL = 2.0
 # between a block and a run [s]
 _TIMES_S = (0.005, 10.0)
 # share of the command that dry friction has at least, where the search begins
@@ -51,8 +51,6 @@ _EVALUATIONS = 120
 _STILL = 1e-3
 # steps of expectation maximisation
 _MAXIMISATIONS = 6
-# how far a group's standard deviation may go below its prior, as a factor: other rigs are quieter
-_LEAST = 0.25
 # rows over which a scatter is smoothed: 15 ms, the time of a slip
 _NEIGHBOURS = 3
 # innovation that one row of a normal data set of 40,000 reaches
@@ -199,15 +197,14 @@ def first_noise(bench: Bench, values: Values) -> Noise:
 
 
 def with_usual_forces(noise: Noise) -> Noise | None:
-    """Return the noise with slow forces as a search for them begins; ``None`` where they are not at the most they may be.
+    """Return the noise with slow forces as a search for them begins; ``None`` where they are not much larger.
 
-    Forces as large as that are something left out, or hide it.
+    Forces that are unusually large are something left out, or hide it.
     """
     bench, forces = noise.bench, noise.forces
-    level, command = _level(bench, noise.values)
-    if max(forces.slow[: bench.carts]) < _NEARLY * _MOST_OF_COMMAND * command:
+    slow = Forces.of(np.zeros(5), *_level(bench, noise.values)).slow
+    if all(found < _UNUSUAL * usual for found, usual in zip(forces.slow[: bench.carts], slow, strict=False)):
         return None
-    slow = Forces.of(np.zeros(5), level, command).slow
     return replace(noise, forces=replace(forces, slow=slow))
 
 
@@ -328,8 +325,8 @@ def _scales(mean: FloatArray, variance: FloatArray, found: Sequence[Direction]) 
     own = np.var(mean, axis=0) + variance.mean(axis=0)
     groups = sorted({d.group for d in found})
     square = {g: float(np.mean([o for o, d in zip(own, found, strict=True) if d.group == g])) for g in groups}
-    most = {d.group: d.most for d in found}
-    return {g: float(np.clip(np.sqrt(s), _LEAST, most[g])) for g, s in square.items()}
+    limits = {d.group: (d.least, d.most) for d in found}
+    return {g: float(np.clip(np.sqrt(s), *limits[g])) for g, s in square.items()}
 
 
 def _modes(bench: Bench, white: FloatArray, found: Sequence[Direction], scale: Mapping[str, float]) -> list[FloatArray]:

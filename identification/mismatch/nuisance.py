@@ -3,13 +3,17 @@ r"""Run-to-run variability: what differs between recordings of any rig, and is n
 On cart c it is a force
 
 .. math:: -\operatorname{sgn}(v_c)\, d_c \Bigl(l + \sum_k w_k \Lambda_k(t) + \sum_j r_j \sin(2\pi x_c/\lambda_j + \varphi_j)\Bigr)
-   + \sum_j h_j \sin(2\pi x_c/\lambda_j + \varphi_j) + c ,
+   - g\, b_c v_c + \sum_j h_j \sin(2\pi x_c/\lambda_j + \varphi_j) + c ,
 
-with a friction level l, hat functions :math:`\Lambda_k` every two seconds, wavelengths half an octave apart, and a constant c;
-the deflection in which the spring starts; and the time between command and reading, which is known to a sample at best.
+with a friction level l, hat functions :math:`\Lambda_k` every two seconds, wavelengths half an octave apart, viscous
+friction g and a constant c; the deflection in which the spring starts; the time between command and reading, which is
+known to a sample at best; and the hysteresis of an encoder, a fraction of a count.
 Amplitudes are random effects of every recording. Their prior standard deviations
 were measured on ``mte360_2022`` and ``mte360_2025`` (replicates of the same command, ``python -m benchmarks blind_nuisance``),
-relative to the rig's own dry friction, so that they carry over to rigs of other scales.
+relative to the rig's own dry friction, so that they carry over to rigs of other scales: roughness to that of its cart,
+for it is friction, hills and constant forces to that of both carts, for they pull at a cart that rolls easily, too. Each cart has
+scales of its own, and the spectrum of its track is estimated in three bands: how long the waves of a track are differs from
+track to track.
 """
 
 from __future__ import annotations
@@ -26,11 +30,15 @@ from identification.mismatch.bench import Bench, Values
 
 # relative to the Coulomb level: between runs, within a run, along the track; and forces along the track and constant ones
 LEVEL, WANDER, ROUGH, HILLS, CONSTANT = 0.06, 0.04, 0.026, 0.011, 0.03
+# viscous friction between runs, relative to itself
+VISCOUS = 0.03
 # a spring starts anywhere within the friction of the easier cart: uniform, ±0.7 of it
 START = 0.4
 # command and readings fall anywhere within a sample: uniform, [samples]
 INSTANT = 0.29
-WAVES_MM = (4.0, 6.0, 9.0, 13.5, 20.0, 30.0, 45.0, 68.0, 100.0)
+# an encoder's own hysteresis: its reading reverses a little after the cart, [counts]
+HYSTERESIS = 0.05
+WAVES_MM = {"short": (4.0, 6.0, 9.0), "medium": (13.5, 20.0, 30.0), "long": (45.0, 68.0, 100.0)}
 KNOT_S = 2.0
 # spread of the places where recordings begin
 PLACE_MM = 25.0
@@ -57,9 +65,9 @@ class Direction:
     force
         From a recording's number to the force on each cart per unit amplitude, ndarray, shape (2, n); ``None`` where it
         is no force.
-    most
-        How far the standard deviation may go beyond the prior one, as a factor: other rigs are rougher, but no clock is off
-        by more than its sample.
+    least, most
+        Between which factors of the prior one the standard deviation may lie: other rigs are quieter or rougher, but no clock is
+        off by more than its sample, and no model of a reversal is more exact than a fraction of a count.
     """
 
     group: str
@@ -67,33 +75,19 @@ class Direction:
     change: FloatArray
     wave: tuple[str, float, int] | None = None
     force: Callable[[int], FloatArray] | None = None
+    least: float = 0.25
     most: float = 4.0
+
+
+Made = tuple[str, float, Callable[[int], FloatArray], tuple[str, float, int] | None]
 
 
 def directions(bench: Bench, values: Values) -> list[Direction]:
     """Return how the rows of a drive change with everything that differs from run to run."""
-    made: list[tuple[str, float, Callable[[int], FloatArray], tuple[str, float, int] | None]] = []
-    for c in range(bench.carts):
-        level = dry_level(values, c)
-        if level <= 0.0 or not any(run.keep[c].any() for run in bench.runs):
-            continue
-        against = [-level * moving(run.measured[c], run.sample_time, positions=run.positions) for run in bench.runs]
-        ones = [np.full(len(run.u), level) for run in bench.runs]
-        made.append((f"friction of cart {c + 1}", LEVEL, partial(_shaped, c, against, None), None))
-        made.append(("constant force", CONSTANT, partial(_shaped, c, ones, None), None))
-        longest = max(len(run.u) * run.sample_time for run in bench.runs)
-        made += [
-            ("wander", WANDER, partial(_shaped, c, against, partial(_hat, bench, k * KNOT_S)), None)
-            for k in range(int(np.ceil(longest / KNOT_S)) + 1)
-        ]
-        for length in WAVES_MM:
-            for turn in (0, 1):
-                wave = partial(_wave, bench, c, length, 0.5 * np.pi * turn)
-                made.append(("rough track", ROUGH, partial(_shaped, c, against, wave), (f"rough {c}", length, turn)))
-                made.append(
-                    ("hills of the track", HILLS, partial(_shaped, c, ones, wave), (f"hills {c}", length, turn))
-                )
+    typical = float(np.mean([dry_level(values, c) for c in range(bench.carts)]))
     level = max((dry_level(values, c) for c in range(bench.carts)), default=0.0)
+    used = [c for c in range(bench.carts) if typical > 0.0 and any(run.keep[c].any() for run in bench.runs)]
+    made = [force for c in used for force in _on_cart(bench, values, c, typical)]
     changes = bench.pushed(values, [force for _, _, force, _ in made], max(0.05 * level, 1e-6)) if made else []
     found = [Direction(g, s, change, wave, force) for (g, s, force, wave), change in zip(made, changes, strict=True)]
     if bench.carts == 2 and values.get("m2", 0.0) < 1e6 and values.get("k", 0.0) > 0.0:
@@ -101,17 +95,58 @@ def directions(bench: Bench, values: Values) -> list[Direction]:
         band = max(band, *(max(run.counts, default=0.0) for run in bench.runs))
         found.append(Direction("start deflection", START * band, bench.displaced(values, max(0.5 * band, 1e-6))))
     found.append(Direction("sampling instant", INSTANT, _later(bench, values), most=1.0))
+    return [*found, *_of_readings(bench, values)]
+
+
+def _on_cart(bench: Bench, values: Values, c: int, typical: float) -> list[Made]:
+    """Return the forces on one cart: group, size, shape and wave of each."""
+    cart, own, b = f"of cart {c + 1}", dry_level(values, c), values.get(f"b{c + 1}", 0.0)
+    ones = [np.full(len(run.u), typical) for run in bench.runs]
+    made: list[Made] = [(f"constant force {cart}", CONSTANT, partial(_shaped, c, ones, None), None)]
+    along = [(f"hills {cart}", HILLS, ones)]
+    if b > 0.0:
+        drag = [-b * speed(run.measured[c], run.sample_time, positions=run.positions) for run in bench.runs]
+        made.append((f"viscous friction {cart}", VISCOUS, partial(_shaped, c, drag, None), None))
+    if own > 0.0:
+        against = [-own * moving(run.measured[c], run.sample_time, positions=run.positions) for run in bench.runs]
+        made.append((f"friction {cart}", LEVEL, partial(_shaped, c, against, None), None))
+        longest = max(len(run.u) * run.sample_time for run in bench.runs)
+        made += [
+            (f"wander {cart}", WANDER, partial(_shaped, c, against, partial(_hat, bench, k * KNOT_S)), None)
+            for k in range(int(np.ceil(longest / KNOT_S)) + 1)
+        ]
+        along.append((f"rough track {cart}", ROUGH, against))
+    return made + [
+        (
+            f"{group}, {band}",
+            size,
+            partial(_shaped, c, shape, partial(_wave, bench, c, length, 0.5 * np.pi * turn)),
+            (group, length, turn),
+        )
+        for group, size, shape in along
+        for band, lengths in WAVES_MM.items()
+        for length in lengths
+        for turn in (0, 1)
+    ]
+
+
+def _of_readings(bench: Bench, values: Values) -> list[Direction]:
+    """Return by what the readings of encoders differ."""
+    found = []
     for c in range(bench.carts):
+        quantum = max(run.counts[c] if len(run.counts) > c else 0.0 for run in bench.runs)
+        if quantum <= 0.0:
+            continue
+        g, key = HYSTERESIS * quantum, f"encoder_play.encoder_{c + 1}.g"
+        change = bench.residual({**values, key: values.get(key, 0.0) + g}) - bench.residual(values)
+        found.append(Direction(f"hysteresis of encoder {c + 1}", g, change / g, least=1.0, most=1.0))
         # a count is a staircase: where a recording is compared by position, its zero lies anywhere within one
-        change = np.zeros(len(bench.valid))
-        quantum = 0.0
+        zero = np.zeros(len(bench.valid))
         for p in bench.pieces:
-            run = bench.runs[p.recording]
-            if p.cart == c and run.positions:
-                change[p.rows] = bench.valid[p.rows]
-                quantum = run.counts[c]
-        if quantum > 0.0:
-            found.append(Direction("zero", quantum, change))
+            if p.cart == c and bench.runs[p.recording].positions:
+                zero[p.rows] = bench.valid[p.rows]
+        if zero.any():
+            found.append(Direction("zero", quantum, zero))
     return found
 
 
@@ -150,10 +185,15 @@ def dry_level(values: Values, c: int) -> float:
     return values.get(f"d{c + 1}", 0.0) + values.get(f"presliding.cart_{c + 1}.fd", 0.0)
 
 
+def speed(y: FloatArray, h: float, *, positions: bool) -> FloatArray:
+    """Return a cart's smoothed velocity from its velocity or position."""
+    v = gaussian_filter1d(y, _SMOOTH_S / h)
+    return np.gradient(v, h) if positions else v
+
+
 def moving(y: FloatArray, h: float, *, positions: bool) -> FloatArray:
     """Return the direction in which a cart moves, 0 where it may rest, from its velocity or position."""
-    v = gaussian_filter1d(y, _SMOOTH_S / h)
-    v = np.gradient(v, h) if positions else v
+    v = speed(y, h, positions=positions)
     limit = _RESTING * float(np.sqrt(np.mean(v**2)))
     return np.asarray(np.where(np.abs(v) > limit, np.sign(v), 0.0))
 
