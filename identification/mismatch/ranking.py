@@ -131,10 +131,11 @@ def ranked(scored: Sequence[Scored], significant: Sequence[Scored]) -> list[Scor
     """Return candidates with the one that is named first: ranked by gain, tested by p-value.
 
     Of the significant ones that with the largest gain shows that something is there. Whatever predicts as well or better is asked
-    who predicts best, be it significant by itself or not, and of those that tie with that one the least is said: the name with
-    the fewest parameters. A free function contains the names that follow its variable, so a name that gains most of what it gains
-    stands for it; what that leaves is looked for in the next round. A refinement of dry friction is named beside the dry friction
-    that it refines, not in its place (J. A. Nelder, J. R. Stat. Soc. A 140, 1977): where a model has none, that comes first.
+    who predicts best, be it significant by itself or not. Of those that tie with that one the least is said: the name with the
+    fewest parameters, one that is significant by itself before one that is not. A free function contains the names that follow
+    its variable, so a name that gains most of what it gains stands for it; what that leaves is looked for in the next round. A
+    refinement of dry friction is named beside the dry friction that it refines, not in its place (J. A. Nelder,
+    J. R. Stat. Soc. A 140, 1977): where a model has none, that comes first.
     """
     order = sorted(scored, key=lambda s: -s.total)
     names = {s.name for s in significant} or {order[0].name}
@@ -142,7 +143,7 @@ def ranked(scored: Sequence[Scored], significant: Sequence[Scored]) -> list[Scor
     top = next(s for s in order if s is leader or tied(leader, s))
     least = MOST * top.total if nameless(top) else np.inf
     alike = [s for s in order if s is top or tied(top, s) or (s.name in names and not nameless(s) and s.total >= least)]
-    first = min(alike, key=lambda s: (nameless(s), s.size, -s.total))
+    first = min(alike, key=lambda s: (s.name not in names, nameless(s), s.size, -s.total))
     if first.name[0] in REFINE_FRICTION:
         first = next((s for s in significant if s.name == ("coulomb_friction", first.name[1])), first)
     return [first, *(s for s in order if s is not first)]

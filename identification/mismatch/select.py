@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -223,23 +223,45 @@ class Selector:
             model = min((f for _, f in fits.values()), key=lambda f: f.cost, default=base)
             if model.cost > base.cost - 2.0 * self.settings.again:
                 break
-        better, roughness = self._better_base(base, noise, fits)
-        if better is not base:
-            base, linear = better, linear.around(better, noise)
-            table = evaluate(linear, linear.residual[:, None])
+        return self._judged(linear, first, fits, found, candidates, seed)
+
+    def _judged(
+        self,
+        linear: Linear,
+        first: FloatArray,
+        fits: dict[Name, tuple[Candidate, Fit]],
+        found: Sequence[Direction],
+        candidates: Sequence[Candidate],
+        seed: Sequence[int],
+    ) -> Round:
+        """Hold the candidates against their null draws, and the base model against their optima."""
+        noise, base = linear.noise, linear.model
+        leading = sorted(fits.values(), key=lambda item: item[1].cost)[: self.settings.finished]
+        base, roughness = self._better_base(base, noise, leading)
+        linear = linear.around(base, noise)
+        table = evaluate(linear, linear.residual[:, None])
         null = null_of(linear, base.values, noise, found, first, table, seed)
         scored = scores(base, linear, table, fits, null, roughness)
         # whatever may be named is fitted before it is
         least = 0.5 * max((s.total for s in scored if s.p <= self.settings.likely), default=np.inf)
         missing = {s.name for s in scored if s.fit is None and s.total >= least > 0.0}
-        if missing:
-            asked = [c for c in candidates if c.name in missing]
-            more = candidate_starts(base, linear, table, asked, sorted(missing), len(missing))
-            fits |= self._fits(base, noise, [job for job in more if job[0].name in missing])
+        more = candidate_starts(
+            base, linear, table, [c for c in candidates if c.name in missing], sorted(missing), len(missing)
+        )
+        fits |= self._fits(base, noise, [job for job in more if job[0].name in missing])
+        asked = {candidate.name for candidate, _ in leading}
+        while True:
             scored = scores(base, linear, table, fits, null, roughness)
-        significant = [s for s in scored if s.p <= self.level and s.total > 0.0]
-        order = ranked(self._pruned(base, noise, scored, significant), significant)
-        return Round(base, tuple(order), null, noise, bool(significant), found)
+            significant = [s for s in scored if s.p <= self.level and s.total > 0.0]
+            order = ranked(scored, significant)
+            named = [fits[s.name] for s in (order[0], *significant[:2]) if s.name in fits and s.name not in asked]
+            asked |= {candidate.name for candidate, _ in named}
+            better, _ = self._better_base(base, noise, named)
+            if better is base:
+                order = ranked(self._pruned(base, noise, scored, significant), significant)
+                return Round(base, tuple(order), null, noise, bool(significant), tuple(found))
+            base, linear = better, linear.around(better, noise)
+            table = evaluate(linear, linear.residual[:, None])
 
     def _linear(self, base: Fit, noise: Noise, candidates: Sequence[Candidate]) -> Linear:
         level = max(dry_level(base.values, c) for c in range(self.bench.carts))
@@ -251,7 +273,7 @@ class Selector:
     ) -> Fit:
         """Return the model with the candidate that explains what unknown forces have taken, if that is more probable.
 
-        Forces and physics that is left out compete for the same residual. Where forces have the most that they may have,
+        Forces and physics that is left out compete for the same residual. Where slow forces are unusually large,
         candidates are fitted with forces of a usual size, and the more probable account of the residual is kept.
         """
         quiet = with_usual_forces(noise)
@@ -311,12 +333,11 @@ class Selector:
         seen = [s for p, s in zip(bench.pieces, bench.signal, strict=True) if bench.valid[p.rows].any()]
         return bool(sum(errors) > self.settings.far * sum(seen))
 
-    def _better_base(self, base: Fit, noise: Noise, fits: Mapping[Name, tuple[Candidate, Fit]]) -> tuple[Fit, float]:
-        """Refit the base model from the candidates' optima: a better optimum of it must not pass for a gain.
+    def _better_base(self, base: Fit, noise: Noise, fits: Sequence[tuple[Candidate, Fit]]) -> tuple[Fit, float]:
+        """Refit the base model from candidates' optima: a better optimum of it must not pass for a gain.
 
         Returns the best fit, and by how much the log-likelihoods of its optima differ: dry friction makes a likelihood rough.
         """
-        leading = sorted(fits.values(), key=lambda item: item[1].cost)[: self.settings.finished]
 
         def one(item: tuple[Candidate, Fit]) -> Fit:
             candidate, best = item
@@ -324,7 +345,7 @@ class Selector:
             _give_back(values, candidate, best.values, base.names)
             return fit(self.bench, noise, values, base.names, near=base)
 
-        again = [base, *self.bench.pool.map(one, leading)]
+        again = [base, *self.bench.pool.map(one, fits)]
         costs = np.array([f.cost for f in again])
         best = again[int(np.argmin(costs))]
         return (best if best.cost < base.cost - WORTH else base), float(0.5 * (np.median(costs) - costs.min()))
