@@ -75,7 +75,7 @@ class Scored:
 
     @property
     def total(self) -> float:
-        """Gain over all units but the one that gains most and the one that loses most."""
+        """Gain over all units but those that gain most and lose most."""
         return float(trimmed(self.gain))
 
 

@@ -51,6 +51,10 @@ def test_a_sign_asked_for_is_kept():
 
 def test_what_one_recording_gains_is_left_out_of_the_trimmed_gain():
     assert trimmed(np.array([100.0, 1.0, 2.0])) == 3.0
+
+
+def test_what_two_of_a_dozen_gain_is_left_out_too():
+    assert trimmed(np.array([27.0, 22.0, -3.0, *[0.5] * 9])) == 4.5
     assert studentised(np.array([1.0, 2.0, 3.0])) > studentised(np.array([6.0, 0.0, 0.0]))
 
 
