@@ -14,7 +14,7 @@ from identification.mismatch.candidates.free import Shape, shapes
 from identification.mismatch.candidates.narrow_band import Line
 from identification.mismatch.candidates.phases import Phase
 from identification.mismatch.evaluate import Name, Table, evaluate, random_gains
-from identification.mismatch.fit import Fit, Metric, fit
+from identification.mismatch.fit import Fit, Metric, fit, resolved
 from identification.mismatch.generous import WORTH, generous
 from identification.mismatch.linear import Linear, linearise
 from identification.mismatch.noise import Noise, damped, estimate, first_noise, with_usual_forces
@@ -287,7 +287,7 @@ class Selector:
             *candidate_starts(base, around, table, candidates, order, self.settings.proposals),
             *((c, {**base.values, **own}) for c, own in self._seen_far(base, candidates)),
         ]
-        best = min((f for _, f in self._fits(base, quiet, jobs).values()), key=lambda f: f.cost)
+        best = min((f for _, f in self._fits(base, quiet, jobs).values()), key=lambda f: f.cost, default=base)
         other = estimate(self.bench, best.values, best.residual, found)
         more = len(best.names) - len(model.names)
         return best if other.cost + WORTH * more < noise.cost else model
@@ -303,7 +303,8 @@ class Selector:
     def _fits(
         self, base: Fit, noise: Metric, jobs: Sequence[tuple[Candidate, Values]]
     ) -> dict[Name, tuple[Candidate, Fit]]:
-        """Fit candidates, each from all its starts."""
+        """Fit candidates, each from all its starts that a simulation resolves."""
+        jobs = [job for job in jobs if resolved(job[1])]
 
         def tried(job: tuple[Candidate, Values]) -> tuple[Candidate, Fit]:
             candidate, start = job
