@@ -1,0 +1,38 @@
+"""Forward selection: what is fitted, and against what."""
+
+from dataclasses import replace
+
+import pytest
+
+from identification.mismatch.fit import fit
+from identification.mismatch.noise import first_noise
+from identification.mismatch.select import Selector
+from identification.topology import TWO_CARTS
+from tests.drive.drives import RIG
+from tests.identification.mismatch.lab import KINDS, bench_of, data_set
+
+
+@pytest.fixture(scope="module")
+def selector():
+    with bench_of(data_set(kinds=KINDS[2:4])) as bench:
+        yield Selector(bench, TWO_CARTS, {}, 0.02, 0, lambda _: None)
+
+
+@pytest.fixture(scope="module")
+def base(selector):
+    return fit(selector.bench, first_noise(selector.bench, RIG), RIG, TWO_CARTS.free, iterations=2)
+
+
+def test_a_start_that_no_simulation_resolves_is_left_out(selector, base):
+    backlash = next(c for c in selector.candidates if c.name[0] == "motor_gear_backlash")
+    rotor = {"motor_gear_backlash.mass": 1e-15, "motor_gear_backlash.gap": 0.8, "motor_gear_backlash.kc": 20.0}
+    assert selector._fits(base, base.metric, [(backlash, {**base.values, **rotor})]) == {}
+
+
+def test_a_better_optimum_of_the_base_model_is_no_gain_of_a_candidate(selector, base):
+    drag = next(c for c in selector.candidates if c.name == ("quadratic_drag", "cart_1"))
+    nothing = fit(selector.bench, base.metric, {**base.values, drag.keys[0]: 0.0}, (*base.names, *drag.keys))
+    worse = replace(base, cost=base.cost + 100.0)
+    better, _ = selector._better_base(worse, base.metric, [(drag, nothing)])
+    assert better.cost <= base.cost + 1.0
+    assert set(better.values) == set(base.values)
