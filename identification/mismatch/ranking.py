@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -110,6 +110,10 @@ class Round:
     def best(self) -> Scored:
         """Return the first candidate."""
         return self.scored[0]
+
+    def with_first(self, name: Scored) -> Round:
+        """Return the round with another candidate first."""
+        return replace(self, scored=(name, *(s for s in self.scored if s is not name)))
 
     def ties(self) -> list[Scored]:
         """Return the other candidates whose scores over units do not differ from the first one's, at most three."""

@@ -20,7 +20,7 @@ from identification.mismatch.linear import Linear, linearise
 from identification.mismatch.noise import Noise, damped, estimate, first_noise, with_usual_forces
 from identification.mismatch.nuisance import Direction, directions, dry_level
 from identification.mismatch.null import Null, first_draws, null_of
-from identification.mismatch.ranking import Round, Scored, nameless, ranked, scores, tied
+from identification.mismatch.ranking import MOST, Round, Scored, nameless, ranked, scores, tied
 from identification.mismatch.score import gains, trimmed
 from identification.mismatch.start import Start, base_starts, candidate_starts, far_starts
 from identification.topology import Topology
@@ -119,19 +119,38 @@ class Selector:
         taken: list[tuple[Scored, Round]] = []
         proposed = self._proposed(base)
         whole = self._near(base, proposed)
+        # where a free function won, and names are tried in its place
+        doubted: int | None = None
         while len(rounds) < self.settings.rounds:
             self.say(f"round {len(rounds) + 1}")
             step = self._round(base, whole, phases, taken, len(rounds), () if rounds else proposed)
             rounds.append(step)
             base = step.base
-            if not step.accepted or nameless(step.best):
+            name = self._name(step) if step.accepted else None
+            if name is None or (nameless(step.best) and doubted is not None):
                 break
-            taken.append((step.best, step))
-            phases = (*phases, *step.best.variability)
-            base = step.best.fit or base
-            whole = self._whole(base, step)
+            if nameless(step.best):
+                doubted = len(taken)
+            own = step.with_first(name)
+            taken.append((name, own))
+            phases = (*phases, *name.variability)
+            base = name.fit or base
+            whole = self._whole(base, own)
+        if doubted is not None and not self._stand(taken[doubted:], rounds[doubted]):
+            rounds, taken, base = rounds[: doubted + 1], taken[:doubted], rounds[doubted].base
         taken, base = self._backward(taken, base, rounds[-1])
         return Selection(tuple(rounds), rounds[0].base, base, tuple(taken), rounds[-1].variability)
+
+    def _name(self, step: Round) -> Scored | None:
+        """Return what a round names, or the best significant name where a free function won."""
+        if not nameless(step.best):
+            return step.best
+        names = (s for s in step.scored if s.p <= self.level and s.total > 0.0 and not nameless(s))
+        return max(names, key=lambda s: s.total, default=None)
+
+    def _stand(self, names: Sequence[tuple[Scored, Round]], step: Round) -> bool:
+        """Whether names stand for the free function that won: together they gain most of what it gains."""
+        return sum(s.total for s, _ in names) >= MOST * step.best.total
 
     def _first(self) -> Fit:
         """Fit the base model from every start there is."""
