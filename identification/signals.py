@@ -31,12 +31,10 @@ def velocities(recording: Recording) -> list[FloatArray]:
         else:
             break
     if not result:
-        ignored = " ".join(
-            f"{note[0].upper()}{note[1:]}." for note in recording.notes if note.startswith("columns ignored")
-        )
+        noted = f" (noted while reading: {'; '.join(recording.notes)})" if recording.notes else ""
         raise ValueError(
-            f"{recording.name}: needs v1 or x1; got neither. {ignored or 'Its columns hold no such signal.'} "
-            "Record cart 1's encoder, or give its column a name and a unit that are known (docs/recordings.md)."
+            f"{recording.name}: needs v1 or x1; got neither{noted}. Record cart 1's encoder, or give its column a name and a "
+            "unit that are known (docs/recordings.md)."
         )
     return result
 

@@ -8,12 +8,12 @@ On cart c it is a force
 with a friction level l, hat functions :math:`\Lambda_k` every two seconds, wavelengths half an octave apart, viscous
 friction g and a constant c; the deflection in which the spring starts; the time between command and reading, which is
 known to a sample at best; and the hysteresis of an encoder, a fraction of a count.
-Amplitudes are random effects of every recording. Their prior standard deviations
+Amplitudes are random effects of every recording. The prior standard deviations of forces that dry friction scales
 were measured on ``mte360_2022`` and ``mte360_2025`` (replicates of the same command, ``python -m benchmarks blind_nuisance``),
 relative to the rig's own dry friction, so that they carry over to rigs of other scales: roughness to that of its cart,
-for it is friction, hills and constant forces to that of both carts, for they pull at a cart that rolls easily, too. Each cart has
-scales of its own, and the spectrum of its track is estimated in three bands: how long the waves of a track are differs from
-track to track.
+for it is friction, hills and constant forces to that of both carts, for they pull at a cart that rolls easily, too. That of
+viscous friction, half of dry friction's, and the hysteresis are assumptions. Each cart has scales of its own, and the spectrum of
+its track is estimated in three bands: how long the waves of a track are differs from track to track.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
@@ -30,13 +31,14 @@ from identification.mismatch.bench import Bench, Values
 
 # relative to the Coulomb level: between runs, within a run, along the track; and forces along the track and constant ones
 LEVEL, WANDER, ROUGH, HILLS, CONSTANT = 0.06, 0.04, 0.026, 0.011, 0.03
-# viscous friction between runs, relative to itself
+# viscous friction between runs, relative to itself; not measured, its scale is estimated
 VISCOUS = 0.03
 # a spring starts anywhere within the friction of the easier cart: uniform, ±0.7 of it
 START = 0.4
 # command and readings fall anywhere within a sample: uniform, [samples]
 INSTANT = 0.29
-# an encoder's own hysteresis: its reading reverses a little after the cart, [counts]
+# an encoder's own hysteresis: its reading reverses a little after the cart, [counts]; not measured, and not estimated: what all
+# recordings share would shrink it
 HYSTERESIS = 0.05
 WAVES_MM = {"short": (4.0, 6.0, 9.0), "medium": (13.5, 20.0, 30.0), "long": (45.0, 68.0, 100.0)}
 KNOT_S = 2.0
@@ -79,17 +81,23 @@ class Direction:
     most: float = 4.0
 
 
-Made = tuple[str, float, Callable[[int], FloatArray], tuple[str, float, int] | None]
+class Push(NamedTuple):
+    """A force that differs between recordings: a :class:`Direction` before its rows are simulated."""
+
+    group: str
+    size: float
+    force: Callable[[int], FloatArray]
+    wave: tuple[str, float, int] | None = None
 
 
 def directions(bench: Bench, values: Values) -> list[Direction]:
     """Return how the rows of a drive change with everything that differs from run to run."""
-    typical = float(np.mean([dry_level(values, c) for c in range(bench.carts)]))
-    level = max((dry_level(values, c) for c in range(bench.carts)), default=0.0)
+    levels = [dry_level(values, c) for c in range(bench.carts)]
+    typical = float(np.mean(levels))
     used = [c for c in range(bench.carts) if typical > 0.0 and any(run.keep[c].any() for run in bench.runs)]
-    made = [force for c in used for force in _on_cart(bench, values, c, typical)]
-    changes = bench.pushed(values, [force for _, _, force, _ in made], max(0.05 * level, 1e-6)) if made else []
-    found = [Direction(g, s, change, wave, force) for (g, s, force, wave), change in zip(made, changes, strict=True)]
+    made = [push for c in used for push in _on_cart(bench, values, c, typical)]
+    changes = bench.pushed(values, [push.force for push in made], max(0.05 * max(levels), 1e-6)) if made else []
+    found = [Direction(p.group, p.size, change, p.wave, p.force) for p, change in zip(made, changes, strict=True)]
     if bench.carts == 2 and values.get("m2", 0.0) < 1e6 and values.get("k", 0.0) > 0.0:
         band = min(dry_level(values, 0), dry_level(values, 1)) / values["k"]
         band = max(band, *(max(run.counts, default=0.0) for run in bench.runs))
@@ -98,36 +106,30 @@ def directions(bench: Bench, values: Values) -> list[Direction]:
     return [*found, *_of_readings(bench, values)]
 
 
-def _on_cart(bench: Bench, values: Values, c: int, typical: float) -> list[Made]:
-    """Return the forces on one cart: group, size, shape and wave of each."""
+def _on_cart(bench: Bench, values: Values, c: int, typical: float) -> list[Push]:
+    """Return the forces on one cart; ``typical`` is the mean dry friction of all carts [V]."""
     cart, own, b = f"of cart {c + 1}", dry_level(values, c), values.get(f"b{c + 1}", 0.0)
     ones = [np.full(len(run.u), typical) for run in bench.runs]
-    made: list[Made] = [(f"constant force {cart}", CONSTANT, partial(_shaped, c, ones, None), None)]
+    made = [Push(f"constant force {cart}", CONSTANT, partial(_shaped, c, ones, None))]
     along = [(f"hills {cart}", HILLS, ones)]
     if b > 0.0:
         drag = [-b * speed(run.measured[c], run.sample_time, positions=run.positions) for run in bench.runs]
-        made.append((f"viscous friction {cart}", VISCOUS, partial(_shaped, c, drag, None), None))
+        made.append(Push(f"viscous friction {cart}", VISCOUS, partial(_shaped, c, drag, None)))
     if own > 0.0:
         against = [-own * moving(run.measured[c], run.sample_time, positions=run.positions) for run in bench.runs]
-        made.append((f"friction {cart}", LEVEL, partial(_shaped, c, against, None), None))
+        made.append(Push(f"friction {cart}", LEVEL, partial(_shaped, c, against, None)))
         longest = max(len(run.u) * run.sample_time for run in bench.runs)
-        made += [
-            (f"wander {cart}", WANDER, partial(_shaped, c, against, partial(_hat, bench, k * KNOT_S)), None)
-            for k in range(int(np.ceil(longest / KNOT_S)) + 1)
-        ]
+        hats = (partial(_hat, bench, k * KNOT_S) for k in range(int(np.ceil(longest / KNOT_S)) + 1))
+        made += [Push(f"wander {cart}", WANDER, partial(_shaped, c, against, hat)) for hat in hats]
         along.append((f"rough track {cart}", ROUGH, against))
-    return made + [
-        (
-            f"{group}, {band}",
-            size,
-            partial(_shaped, c, shape, partial(_wave, bench, c, length, 0.5 * np.pi * turn)),
-            (group, length, turn),
-        )
-        for group, size, shape in along
-        for band, lengths in WAVES_MM.items()
-        for length in lengths
-        for turn in (0, 1)
-    ]
+    for kind, size, level in along:
+        for band, lengths in WAVES_MM.items():
+            for length in lengths:
+                for turn in (0, 1):
+                    wave = partial(_wave, bench, c, length, 0.5 * np.pi * turn)
+                    force = partial(_shaped, c, level, wave)
+                    made.append(Push(f"{kind}, {band}", size, force, (kind, length, turn)))
+    return made
 
 
 def _of_readings(bench: Bench, values: Values) -> list[Direction]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,20 +14,19 @@ from identification.mismatch.candidates.free import Shape, shapes
 from identification.mismatch.candidates.narrow_band import Line
 from identification.mismatch.candidates.phases import Phase
 from identification.mismatch.evaluate import Name, Table, evaluate, random_gains
-from identification.mismatch.fit import Fit, Metric, fit, resolved
+from identification.mismatch.fit import Fit, fit
 from identification.mismatch.generous import WORTH, generous
 from identification.mismatch.linear import Linear, linearise
-from identification.mismatch.noise import Noise, damped, estimate, first_noise, with_usual_forces
+from identification.mismatch.noise import Noise, damped, estimate, with_usual_forces
 from identification.mismatch.nuisance import Direction, directions, dry_level
 from identification.mismatch.null import Null, first_draws, null_of
-from identification.mismatch.ranking import MOST, Round, Scored, nameless, ranked, scores, tied
+from identification.mismatch.optima import far, fit_base, fit_candidates, give_back, pruned, refit_base
+from identification.mismatch.ranking import MOST, Round, Scored, nameless, ranked, scores
 from identification.mismatch.score import gains, trimmed
-from identification.mismatch.start import Start, base_starts, candidate_starts, far_starts
+from identification.mismatch.start import Start, candidate_starts, far_starts
 from identification.topology import Topology
 
 Say = Callable[[str], None]
-# iterations of a first try from every start
-_TRY = 4
 # significant candidates that are tried beside what was named
 _MORE = 3
 
@@ -35,13 +34,6 @@ _MORE = 3
 def _absent(candidates: Sequence[Candidate], base: Fit) -> set[str]:
     """Return the base parameters that candidates can take over and that this model does not have."""
     return {taken for c in candidates for _, taken in c.takes if taken not in base.names}
-
-
-def _give_back(values: dict[str, float], candidate: Candidate, before: Values, names: Sequence[str]) -> None:
-    """Return to the base parameters what a candidate had taken over of them, where the model has these."""
-    for key, taken in candidate.takes:
-        if taken in names:
-            values[taken] = values.get(taken, 0.0) + before.get(key, 0.0)
 
 
 def _part(candidate: Candidate, base: Fit, whole: Fit) -> dict[str, float]:
@@ -113,7 +105,7 @@ class Selector:
     def run(self) -> Selection:
         """Return the selected effects."""
         self.say("fitting the base model")
-        base = self._first()
+        base = fit_base(self.bench, self.topology, self.known)
         phases: tuple[Direction, ...] = ()
         rounds: list[Round] = []
         taken: list[tuple[Scored, Round]] = []
@@ -152,19 +144,9 @@ class Selector:
         """Whether names stand for the free function that won: together they gain most of what it gains."""
         return sum(s.total for s, _ in names) >= MOST * step.best.total
 
-    def _first(self) -> Fit:
-        """Fit the base model from every start there is."""
-        starts = base_starts(self.bench, self.topology)
-        noise = first_noise(self.bench, starts[0])
-        tries = self.bench.pool.map(
-            lambda values: fit(self.bench, noise, {**values, **self.known}, self.base_names, iterations=_TRY), starts
-        )
-        best = sorted(tries, key=lambda f: f.cost)[:2]
-        return min((fit(self.bench, noise, f.values, f.names) for f in best), key=lambda f: f.cost)
-
     def _proposed(self, base: Fit) -> list[Start]:
         """Return candidates with parameters as the equation error sees them, where the simulation is far from the data."""
-        if not self._far(base):
+        if not far(base):
             return []
         absent = _absent(self.candidates, base)
         return [
@@ -180,7 +162,7 @@ class Selector:
 
     def _near(self, base: Fit, proposed: Sequence[Start]) -> Fit:
         """Return the model with the candidate that brings a simulation near that is far from the data: it tells what is noise."""
-        fits = self._fits(base, base.metric, [(c, {**base.values, **own}) for c, own in proposed])
+        fits = fit_candidates(base, base.metric, [(c, {**base.values, **own}) for c, own in proposed])
         best = min((f for _, f in fits.values()), key=lambda f: f.cost, default=base)
         return best if best.cost < (1.0 - self.settings.large) * base.cost else base
 
@@ -238,7 +220,7 @@ class Selector:
                 *((c, {**base.values, **own}) for c, own in proposed),
                 *((c, _part(c, base, whole)) for c in candidates if all(k in whole.values for k in c.keys)),
             ]
-            fits = self._fits(base, noise, jobs)
+            fits = fit_candidates(base, noise, jobs)
             model = min((f for _, f in fits.values()), key=lambda f: f.cost, default=base)
             if model.cost > base.cost - 2.0 * self.settings.again:
                 break
@@ -256,7 +238,7 @@ class Selector:
         """Hold the candidates against their null draws, and the base model against their optima."""
         noise, base = linear.noise, linear.model
         leading = sorted(fits.values(), key=lambda item: item[1].cost)[: self.settings.finished]
-        base, roughness = self._better_base(base, noise, leading)
+        base, roughness = refit_base(base, noise, leading)
         linear = linear.around(base, noise)
         table = evaluate(linear, linear.residual[:, None])
         null = null_of(linear, base.values, noise, found, first, table, seed)
@@ -264,23 +246,24 @@ class Selector:
         # whatever may be named is fitted before it is
         least = 0.5 * max((s.total for s in scored if s.p <= self.settings.likely), default=np.inf)
         missing = {s.name for s in scored if s.fit is None and s.total >= least > 0.0}
-        more = candidate_starts(
-            base, linear, table, [c for c in candidates if c.name in missing], sorted(missing), len(missing)
-        )
-        fits |= self._fits(base, noise, [job for job in more if job[0].name in missing])
+        if missing:
+            these = [c for c in candidates if c.name in missing]
+            more = candidate_starts(base, linear, table, these, sorted(missing), len(missing))
+            fits |= fit_candidates(base, noise, [job for job in more if job[0].name in missing])
+            scored = scores(base, linear, table, fits, null, roughness)
         asked = {candidate.name for candidate, _ in leading}
         while True:
-            scored = scores(base, linear, table, fits, null, roughness)
             significant = [s for s in scored if s.p <= self.level and s.total > 0.0]
             order = ranked(scored, significant)
             named = [fits[s.name] for s in (order[0], *significant[:2]) if s.name in fits and s.name not in asked]
             asked |= {candidate.name for candidate, _ in named}
-            better, _ = self._better_base(base, noise, named)
+            better, _ = refit_base(base, noise, named)
             if better is base:
-                order = ranked(self._pruned(base, noise, scored, significant), significant)
+                order = ranked(pruned(base, noise, scored, significant), significant)
                 return Round(base, tuple(order), null, noise, bool(significant), tuple(found))
             base, linear = better, linear.around(better, noise)
             table = evaluate(linear, linear.residual[:, None])
+            scored = scores(base, linear, table, fits, null, roughness)
 
     def _linear(self, base: Fit, noise: Noise, candidates: Sequence[Candidate]) -> Linear:
         level = max(dry_level(base.values, c) for c in range(self.bench.carts))
@@ -306,7 +289,7 @@ class Selector:
             *candidate_starts(base, around, table, candidates, order, self.settings.proposals),
             *((c, {**base.values, **own}) for c, own in self._seen_far(base, candidates)),
         ]
-        best = min((f for _, f in self._fits(base, quiet, jobs).values()), key=lambda f: f.cost, default=base)
+        best = min((f for _, f in fit_candidates(base, quiet, jobs).values()), key=lambda f: f.cost, default=base)
         other = estimate(self.bench, best.values, best.residual, found)
         more = len(best.names) - len(model.names)
         return best if other.cost + WORTH * more < noise.cost else model
@@ -318,75 +301,6 @@ class Selector:
         prior = Null.of(evaluate(linear, first).total)
         order = sorted(table.total, key=lambda n: -prior.score(n, float(table.total[n][0])))
         return candidate_starts(base, linear, table, candidates, order, self.settings.proposals)
-
-    def _fits(
-        self, base: Fit, noise: Metric, jobs: Sequence[tuple[Candidate, Values]]
-    ) -> dict[Name, tuple[Candidate, Fit]]:
-        """Fit candidates, each from all its starts that a simulation resolves."""
-        jobs = [job for job in jobs if resolved(job[1])]
-
-        def tried(job: tuple[Candidate, Values]) -> tuple[Candidate, Fit]:
-            candidate, start = job
-            return candidate, fit(self.bench, noise, start, (*base.names, *candidate.keys), iterations=_TRY, near=base)
-
-        best: dict[Name, tuple[Candidate, Fit]] = {}
-        for candidate, found in self.bench.pool.map(tried, jobs):
-            if candidate.name not in best or found.cost < best[candidate.name][1].cost:
-                best[candidate.name] = candidate, found
-        # those that are ahead, and those that the linear change puts first, however far their fits have to go
-        asked = list(dict.fromkeys(candidate.name for candidate, _ in jobs))
-        ahead = sorted(best, key=lambda n: best[n][1].cost)[: self.settings.finished]
-        leading = list(dict.fromkeys([*ahead, *asked[: self.settings.finished // 2]]))
-        ended = self.bench.pool.map(
-            lambda f: fit(self.bench, noise, f.values, f.names, near=f), [best[n][1] for n in leading]
-        )
-        return best | {n: (best[n][0], f) for n, f in zip(leading, ended, strict=True)}
-
-    def _far(self, base: Fit) -> bool:
-        """Whether the simulation is so far from the data that its own sensitivities may lead nowhere."""
-        bench = self.bench
-        errors = [
-            float(np.mean(base.residual[p.rows][bench.valid[p.rows]] ** 2))
-            for p in bench.pieces
-            if bench.valid[p.rows].any()
-        ]
-        seen = [s for p, s in zip(bench.pieces, bench.signal, strict=True) if bench.valid[p.rows].any()]
-        return bool(sum(errors) > self.settings.far * sum(seen))
-
-    def _better_base(self, base: Fit, noise: Noise, fits: Sequence[tuple[Candidate, Fit]]) -> tuple[Fit, float]:
-        """Refit the base model from candidates' optima: a better optimum of it must not pass for a gain.
-
-        Returns the best fit, and by how much the log-likelihoods of its optima differ: dry friction makes a likelihood rough.
-        """
-
-        def one(item: tuple[Candidate, Fit]) -> Fit:
-            candidate, best = item
-            values = {k: v for k, v in best.values.items() if k not in candidate.keys}
-            _give_back(values, candidate, best.values, base.names)
-            return fit(self.bench, noise, values, base.names, near=base)
-
-        again = [base, *self.bench.pool.map(one, fits)]
-        costs = np.array([f.cost for f in again])
-        best = again[int(np.argmin(costs))]
-        return (best if best.cost < base.cost - WORTH else base), float(0.5 * (np.median(costs) - costs.min()))
-
-    def _pruned(self, base: Fit, noise: Noise, scored: Sequence[Scored], significant: Sequence[Scored]) -> list[Scored]:
-        """Return candidates where the best one has no more sizes than it needs: one that predicts as well alone is enough."""
-        best = max(significant, key=lambda s: s.total, default=None)
-        if best is None or best.fit is None or not isinstance(best.candidate, Candidate):
-            return list(scored)
-        whole = best.candidate
-        if len(whole.sizes) < 2 or any(k.rsplit(".", 1)[-1] == "a_sin" for k, _ in whole.sizes):
-            return list(scored)
-        for size in whole.sizes:
-            part = replace(whole, sizes=(size,))
-            start = {k: v for k, v in best.fit.values.items() if k in part.keys or k not in whole.keys}
-            smaller = fit(self.bench, noise, start, (*base.names, *part.keys))
-            gain = gains(base.normal, smaller.normal, self.settings.damping)
-            own = replace(best, candidate=part, fit=smaller, gain=gain, size=len(part.keys))
-            if tied(best, own):
-                return [own if s is best else s for s in scored]
-        return list(scored)
 
     def _backward(
         self, taken: list[tuple[Scored, Round]], model: Fit, last: Round
@@ -412,7 +326,7 @@ class Selector:
             return last.null.p_value(scored.name, float(trimmed(gain[:, 0]))), model
         names = [n for n in model.names if n not in scored.candidate.keys]
         values = {k: v for k, v in model.values.items() if k not in scored.candidate.keys}
-        _give_back(values, scored.candidate, model.values, names)
+        give_back(values, scored.candidate, model.values, names)
         without = fit(self.bench, last.noise, values, names)
         gain = gains(without.normal, model.normal, self.settings.damping)
         return last.null.p_value(scored.name, float(trimmed(gain))), without

@@ -1,0 +1,111 @@
+"""Optima of the base model and of candidates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from identification.mismatch.bench import Bench, Values
+from identification.mismatch.candidates.catalogue import Candidate
+from identification.mismatch.evaluate import Name
+from identification.mismatch.fit import Fit, Metric, fit, resolved
+from identification.mismatch.generous import WORTH
+from identification.mismatch.noise import Noise, first_noise
+from identification.mismatch.ranking import Scored, tied
+from identification.mismatch.score import gains
+from identification.mismatch.start import base_starts
+from identification.topology import Topology
+
+# iterations of a first try from every start
+_TRY = 4
+
+
+def fit_base(bench: Bench, topology: Topology, known: Values) -> Fit:
+    """Fit the base model from every start there is."""
+    names = [*topology.free, *known]
+    starts = base_starts(bench, topology)
+    noise = first_noise(bench, starts[0])
+    tries = bench.pool.map(lambda values: fit(bench, noise, {**values, **known}, names, iterations=_TRY), starts)
+    best = sorted(tries, key=lambda f: f.cost)[:2]
+    return min((fit(bench, noise, f.values, f.names) for f in best), key=lambda f: f.cost)
+
+
+def far(base: Fit) -> bool:
+    """Whether the simulation is so far from the data that its own sensitivities may lead nowhere."""
+    bench = base.bench
+    errors = [
+        float(np.mean(base.residual[p.rows][bench.valid[p.rows]] ** 2))
+        for p in bench.pieces
+        if bench.valid[p.rows].any()
+    ]
+    seen = [s for p, s in zip(bench.pieces, bench.signal, strict=True) if bench.valid[p.rows].any()]
+    return bool(sum(errors) > bench.settings.far * sum(seen))
+
+
+def fit_candidates(
+    base: Fit, noise: Metric, jobs: Sequence[tuple[Candidate, Values]]
+) -> dict[Name, tuple[Candidate, Fit]]:
+    """Fit candidates, each from all its starts that a simulation resolves."""
+    bench = base.bench
+    jobs = [job for job in jobs if resolved(job[1])]
+
+    def tried(job: tuple[Candidate, Values]) -> tuple[Candidate, Fit]:
+        candidate, start = job
+        return candidate, fit(bench, noise, start, (*base.names, *candidate.keys), iterations=_TRY, near=base)
+
+    best: dict[Name, tuple[Candidate, Fit]] = {}
+    for candidate, found in bench.pool.map(tried, jobs):
+        if candidate.name not in best or found.cost < best[candidate.name][1].cost:
+            best[candidate.name] = candidate, found
+    # those that are ahead, and those that the linear change puts first, however far their fits have to go
+    asked = list(dict.fromkeys(candidate.name for candidate, _ in jobs))
+    ahead = sorted(best, key=lambda n: best[n][1].cost)[: bench.settings.finished]
+    leading = list(dict.fromkeys([*ahead, *asked[: bench.settings.finished // 2]]))
+    ended = bench.pool.map(lambda f: fit(bench, noise, f.values, f.names, near=f), [best[n][1] for n in leading])
+    return best | {n: (best[n][0], f) for n, f in zip(leading, ended, strict=True)}
+
+
+def refit_base(base: Fit, noise: Noise, fits: Sequence[tuple[Candidate, Fit]]) -> tuple[Fit, float]:
+    """Refit the base model from candidates' optima: a better optimum of it must not pass for a gain.
+
+    Returns the best fit, and by how much the log-likelihoods of its optima differ: dry friction makes a likelihood rough.
+    """
+
+    def one(item: tuple[Candidate, Fit]) -> Fit:
+        candidate, best = item
+        values = {k: v for k, v in best.values.items() if k not in candidate.keys}
+        give_back(values, candidate, best.values, base.names)
+        return fit(base.bench, noise, values, base.names, near=base)
+
+    again = [base, *base.bench.pool.map(one, fits)]
+    costs = np.array([f.cost for f in again])
+    best = again[int(np.argmin(costs))]
+    return (best if best.cost < base.cost - WORTH else base), float(0.5 * (np.median(costs) - costs.min()))
+
+
+def pruned(base: Fit, noise: Noise, scored: Sequence[Scored], significant: Sequence[Scored]) -> list[Scored]:
+    """Return candidates where the best one has no more sizes than it needs: one that predicts as well alone is enough."""
+    best = max(significant, key=lambda s: s.total, default=None)
+    if best is None or best.fit is None or not isinstance(best.candidate, Candidate):
+        return list(scored)
+    whole = best.candidate
+    if len(whole.sizes) < 2 or any(k.rsplit(".", 1)[-1] == "a_sin" for k, _ in whole.sizes):
+        return list(scored)
+    for size in whole.sizes:
+        part = replace(whole, sizes=(size,))
+        start = {k: v for k, v in best.fit.values.items() if k in part.keys or k not in whole.keys}
+        smaller = fit(base.bench, noise, start, (*base.names, *part.keys))
+        gain = gains(base.normal, smaller.normal, base.bench.settings.damping)
+        own = replace(best, candidate=part, fit=smaller, gain=gain, size=len(part.keys))
+        if tied(best, own):
+            return [own if s is best else s for s in scored]
+    return list(scored)
+
+
+def give_back(values: dict[str, float], candidate: Candidate, before: Values, names: Sequence[str]) -> None:
+    """Return to the base parameters what a candidate had taken over of them, where the model has these."""
+    for key, taken in candidate.takes:
+        if taken in names:
+            values[taken] = values.get(taken, 0.0) + before.get(key, 0.0)
