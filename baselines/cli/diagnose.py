@@ -152,6 +152,8 @@ def require_enough(runs: Sequence[Recording]) -> None:
     ValueError
         With less than five seconds in all, or a single recording shorter than ten.
     """
+    from identification.recordings.recording_set import notes_of  # noqa: PLC0415
+
     seconds = sum(r.n * r.sample_time for r in runs)
     rule = "a diagnosis tells physics from what merely differs between runs, and needs at least two recordings"
     if len(runs) > 1 and seconds < _FEWEST_S:
@@ -159,10 +161,13 @@ def require_enough(runs: Sequence[Recording]) -> None:
     elif len(runs) > 1 or seconds >= _ONE_IS_ENOUGH_S:
         return
     kinds = "; ".join(sorted({r.excitation.text(r.units) for r in runs}))
+    # a column that was ignored may be what is missing
+    noted = "; ".join(text for said in notes_of(runs) for text in said)
     raise ValueError(
         f"recordings: {rule}; got {len(runs)} of {seconds:.1f} s in all ({kinds}). Record squares of ±1.5 V and ±2 V at 0.5 Hz "
         "and sines of ±2.5 V from 0.5 to 5 Hz next (handout 2.5, 2.6), or, where the loop cannot be opened, one run of at least "
         f"{_ONE_IS_ENOUGH_S:g} s whose reference moves both ways at several speeds."
+        + (f" Noted while reading: {noted}." if noted else "")
     )
 
 

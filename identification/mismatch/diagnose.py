@@ -176,7 +176,7 @@ class _Result:
         base, drive = self.drive(self.base, "base model"), self.drive(self.model, "diagnosed drive")
         forces = list(self.pool.map(lambda r: missing_force(base.values, r), self.runs))
         maps = draw_maps(forces)
-        findings = tuple(self.finding(s, step, drive) for s, step in self.selection.accepted)
+        findings = self.findings(drive)
         nameless = unnamed(self.bench, self.selection)
         estimation = recording_fits(base, drive, self.runs, "estimation", self.runs, self.pool)
         everything = (*self.runs, *split.report)
@@ -232,10 +232,21 @@ class _Result:
             recorded=recorded_range(self.runs),
         )
 
-    def finding(self, scored: Scored, step: Round, drive: Drive) -> Finding:
+    def findings(self, drive: Drive) -> tuple[Finding, ...]:
+        """Return the accepted candidates in their order, each from the drive that the one before left."""
+        found, before = [], self.base
+        for scored, step in self.selection.accepted:
+            after = before
+            if scored.fit is not None:
+                # the last one leaves the drive that is reported: from another start the same parameters would end elsewhere
+                last = set(scored.fit.names) == set(self.model.names)
+                after = self.model if last else output_error(self.bench, scored.fit, before)
+            found.append(self.finding(scored, step, drive, before, after))
+            before = after
+        return tuple(found)
+
+    def finding(self, scored: Scored, step: Round, drive: Drive, before: Fit, after: Fit) -> Finding:
         """Return an accepted candidate with what speaks for it."""
-        before = output_error(self.bench, step.base)
-        after = before if scored.fit is None else output_error(self.bench, scored.fit, before)
         ties = step.ties()
         judged = self.split.report or self.runs
         compared = [scored, *(t for t in ties if t.fit is not None)]

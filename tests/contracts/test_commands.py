@@ -225,6 +225,15 @@ def test_too_little_to_diagnose_names_the_next_experiment(diagnosed, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_column_of_unknown_unit_is_named_where_there_is_too_little(tmp_path):
+    lines = [f"{n * 1e-3:.3f},{n % 400 / 200 - 1:.3f},{n % 300},{n % 300}" for n in range(3000)]
+    (tmp_path / "a.csv").write_text("\n".join(["t [s],u [V],v1 [furlong/fortnight],v2 [mm/s]", *lines]) + "\n")
+    result = flexdrive("diagnose", "a.csv", "-o", "out", cwd=tmp_path)
+    assert result.returncode == 1
+    assert "columns ignored: v1 [furlong/fortnight] (a)" in " ".join(result.stderr.split())
+    assert [p.name for p in tmp_path.iterdir()] == ["a.csv"]
+
+
 def test_benchmark_prints_what_it_writes(tmp_path):
     (tmp_path / "data").mkdir()
     write_carriage(tmp_path / "data" / "train.csv", 18.0, seed=1)

@@ -39,6 +39,14 @@ def test_a_plain_effect_is_named_or_tied_with_its_size(effect):
         assert first.parameters[key.split(".")[-1]].value == pytest.approx(true, rel=0.15)
 
 
+@pytest.mark.parametrize("effect", ["ground_spring", "input_delay"])
+def test_findings_lead_from_the_base_model_to_the_reported_drive(effect):
+    found = _diagnosed(effect)
+    errors = [found.before_rms, *(f.report_rms_after for f in found.findings)]
+    assert [f.report_rms_before for f in found.findings] == pytest.approx(errors[:-1])
+    assert found.after_rms == pytest.approx(errors[-1])
+
+
 def test_a_rig_that_lacks_nothing_gets_no_name():
     found = _diagnosed(None)
     assert found.findings == ()
