@@ -79,11 +79,12 @@ class Bench:
         """Return the unit of validation of every recording, shape (R,): recordings of one experiment err alike."""
         return experiments(self.recordings)
 
-    def products(self, white: FloatArray) -> FloatArray:
-        """Return the products of whitened columns per unit, shape (U, k, k), from shape (N, k)."""
-        found = np.zeros((int(self.units.max()) + 1, white.shape[1], white.shape[1]))
+    def products(self, white: FloatArray, others: FloatArray | None = None) -> FloatArray:
+        """Return the products of whitened columns, shape (N, k), with others, by default with themselves, shape (U, k, m)."""
+        others = white if others is None else others
+        found = np.zeros((int(self.units.max()) + 1, white.shape[1], others.shape[1]))
         for rows, u in zip(self.rows, self.units, strict=True):
-            found[u] += white[rows].T @ white[rows]
+            found[u] += white[rows].T @ others[rows]
         return found
 
     @property

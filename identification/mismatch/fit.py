@@ -181,8 +181,8 @@ def fit(
     white = metric.white(raw)
     cost, fresh = float(white @ white), near is None or near.values == start
     S = _jacobian(bench, c, z, now, raw, near)
+    W = metric.white(S)
     for _ in range(settings.iterations if iterations is None else iterations):
-        W = metric.white(S)
         H, g, before = W.T @ W, W.T @ white, cost
         for _attempt in range(6 if fresh else 2):
             new = _stepped(c, z, H, g, damping)
@@ -193,7 +193,10 @@ def fit(
                 square = float(moved_white @ moved_white)
                 if square < cost:
                     dz = new - z
-                    S = S + np.outer((moved - raw - S @ dz) / max(float(dz @ dz), 1e-300), dz)
+                    along = dz / max(float(dz @ dz), 1e-300)
+                    S = S + np.outer(moved - raw - S @ dz, along)
+                    # whitening is linear
+                    W = W + np.outer(moved_white - white - W @ dz, along)
                     z, now, raw, white, cost = new, trial, moved, moved_white, square
                     damping = max(0.2 * damping, 1e-7)
                     break
@@ -203,6 +206,7 @@ def fit(
             break
         if stalled or before - cost > 0.5 * before:
             S, damping = _jacobian(bench, c, z, now, raw), min(damping, 1e-2)
+            W = metric.white(S)
         fresh = stalled
     return Fit(now, c.names, cost, raw, c, bench, metric, S if fresh else None)
 

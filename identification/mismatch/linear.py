@@ -116,9 +116,18 @@ class Linear:
         """Return the candidates' columns with another base model and other noise, near enough for them to stay what they are."""
         if noise is self.noise and model is self.model:
             return self
-        shift = int(np.sum(model.interior)) - len(self.base)
-        entries = [Entry(e.candidate, tuple(c + shift for c in e.columns)) for e in self.entries]
-        return Linear.of(model, noise, self.changes, entries)
+        p, before = int(np.sum(model.interior)), len(self.base)
+        entries = tuple(Entry(e.candidate, tuple(c + p - before for c in e.columns)) for e in self.entries)
+        if noise is not self.noise:
+            return Linear.of(model, noise, self.changes, entries)
+        # the candidates' columns stay what they are
+        inner = noise.white(model.jacobian[:, model.interior])
+        white = np.column_stack([inner, self.white[:, before:]])
+        own = self.bench.products(inner, white)
+        products = np.empty((len(own), white.shape[1], white.shape[1]))
+        products[:, p:, p:] = self.products[:, before:, before:]
+        products[:, :p], products[:, :, :p] = own, own.transpose(0, 2, 1)
+        return Linear(model, noise, entries, self.changes, white, products, noise.white(model.residual))
 
 
 def linearise(

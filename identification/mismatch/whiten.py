@@ -136,7 +136,8 @@ def _riccati(As: Any, Qs: Any, mode: Any, P: Any, rounding: Any, valid: Any, gai
             row = 2 * c
             for i in range(STATES):
                 shown[i] = P[row, i] + P[6 + c, i]
-            variance[c, b] = shown[row] + shown[6 + c] + rounding[c]
+            # rounding of a covariance that forces without end blow up must not make it negative
+            variance[c, b] = max(shown[row] + shown[6 + c], 0.0) + rounding[c]
             for i in range(STATES):
                 own = shown[i] / variance[c, b]
                 before = gain[b - 1, c, i] if b > 0 else 0.0
@@ -169,6 +170,34 @@ def _innovations(As: Any, mode: Any, gain: Any, scale: Any, x: Any, valid: Any, 
                 for j in range(columns):
                     moved[i, j] += own * error[j]
         z, moved = moved, z
+
+
+@kernel
+def _innovations_of_one(As: Any, mode: Any, gain: Any, scale: Any, x: Any, valid: Any, step: float, out: Any) -> None:
+    """Do what :func:`_innovations` does for a single column, shape (carts, blocks): side by side lie the states.
+
+    ``As`` are transposed.
+    """
+    carts, blocks = x.shape
+    z, moved, summed = np.zeros(STATES), np.zeros(STATES), np.zeros(carts)
+    for b in range(blocks):
+        A = As[mode[b]]
+        for i in range(STATES):
+            moved[i] = 0.0
+        for k in range(STATES):
+            for i in range(STATES):
+                moved[i] += A[k, i] * z[k]
+        for c in range(carts):
+            if not valid[c, b]:
+                out[c, b] = 0.0
+                continue
+            summed[c] = summed[c] + step * x[c, b] if step > 0.0 else x[c, b]
+            error = summed[c] - moved[2 * c] - moved[6 + c]
+            out[c, b] = error * scale[c, b]
+            for i in range(STATES):
+                moved[i] += gain[b, c, i] * error
+        for i in range(STATES):
+            z[i] = moved[i]
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,7 +261,12 @@ class Filter:
 
     def white(self, rows: FloatArray) -> FloatArray:
         """Return whitened rows, shape (carts, blocks, columns)."""
-        out = np.empty(rows.shape)
         scale = 1.0 / np.sqrt(self.variance)
+        if rows.shape[2] == 1:
+            turned, one = np.ascontiguousarray(self.A.transpose(0, 2, 1)), np.ascontiguousarray(rows[..., 0])
+            out = np.empty(one.shape)
+            _innovations_of_one(turned, self.mode, self.gain, scale, one, self.valid, self.step, out)
+            return out[..., None]
+        out = np.empty(rows.shape)
         _innovations(self.A, self.mode, self.gain, scale, np.ascontiguousarray(rows), self.valid, self.step, out)
         return out

@@ -79,3 +79,13 @@ def test_a_cart_at_rest_neither_moves_nor_pulls():
     z = np.array([1.0, 0.0, 0.0, 0.0, 0.1, 0.1, 0.0, 0.0])
     after = A[3] @ z
     assert after[:4] == pytest.approx(z[:4], abs=1e-12)
+
+
+@pytest.mark.parametrize("step", [0.0, H], ids=["positions", "velocities"])
+def test_one_column_is_whitened_as_it_is_among_others(step):
+    A, Q, start = _model()
+    n, rng = 300, np.random.default_rng(2)
+    mode, valid = rng.integers(0, 4, n).repeat(5)[:n], rng.random((2, n)) > 0.1
+    rows = rng.normal(size=(2, n, 3))
+    own = Filter.of(A, Q, mode, start, np.full(2, RHO), valid, step)
+    assert own.white(rows[..., :1])[..., 0] == pytest.approx(own.white(rows)[..., 0], rel=1e-9, abs=1e-9)
