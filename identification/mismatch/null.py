@@ -32,6 +32,8 @@ _UPPER, _NORMAL = (0.9, 0.99), (1.2816, 2.3263)
 _LEAST = 1.5
 # draws made at a time, and the first of them, which tell the weights
 _CHUNK, _FIRST = 60, 120
+# draws simulated by one thread at a time
+_GROUP = 20
 # so many better draws end the series; none in half of the draws ends it, too
 _ENOUGH = 15
 
@@ -135,44 +137,56 @@ def simulated(
     """Return rows of simulated data sets against the drive itself, shape (N, draws)."""
     here = bench.residual(values, [np.zeros((2, len(run.u))) for run in bench.runs])
     forces = [d.force for d in found if d.force is not None]
-    shapes = [np.array([force(r) for force in forces], dtype=np.float32) for r in range(len(bench.runs)) if forces]
-    moved = [d for d in found if d.force is None]
+    pushing = [i for i, d in enumerate(found) if d.force is not None]
+    moved = [(i, d.change) for i, d in enumerate(found) if d.force is None]
+    shapes = [
+        np.array([force(r) for force in forces], dtype=np.float32).reshape(len(forces), 2 * len(run.u))
+        for r, run in enumerate(bench.runs)
+    ]
     # what disturbs a cart is friction for the most part: at rest it holds, as the recordings show
     moves = [
-        np.array([moving(x, run.sample_time, positions=True) != 0.0 for x in run.track], dtype=np.float64)
+        np.array([moving(x, run.sample_time, positions=True) != 0.0 for x in run.track], dtype=np.float32)
         for run in bench.runs
     ]
 
-    def one(draw: int) -> FloatArray:
-        rng = np.random.default_rng([*seed, draw])
-        amplitude = drawn(found, noise.scale, len(bench.runs), 1, rng)[0] if found else np.zeros((len(bench.runs), 0))
-        index = [i for i, d in enumerate(found) if d.force is not None]
-        pushes = []
-        for r, run in enumerate(bench.runs):
-            push = _forces(noise, r, len(run.u), run.sample_time, rng) * moves[r]
-            if forces:
-                push += np.tensordot(amplitude[r, index].astype(np.float32), shapes[r], axes=1)
-            pushes.append(push)
-        rows = here - bench.residual(values, pushes) + _rounding(bench, rng)
-        for i, d in enumerate(found):
-            if d.force is None and moved:
-                for r, own in enumerate(bench.rows):
-                    rows[own] += d.change[own] * amplitude[r, i]
+    def group(first: int) -> FloatArray:
+        rngs = [np.random.default_rng([*seed, draw]) for draw in draws[first : first + _GROUP]]
+        none = np.zeros((len(bench.runs), 0))
+        amplitudes = [drawn(found, noise.scale, len(bench.runs), 1, rng)[0] if found else none for rng in rngs]
+        # one product for all draws of a group
+        pushes = [
+            np.array([a[r, pushing] for a in amplitudes], dtype=np.float32) @ shapes[r] for r in range(len(bench.runs))
+        ]
+        return np.column_stack(
+            [one(rng, a, [p[i] for p in pushes]) for i, (rng, a) in enumerate(zip(rngs, amplitudes, strict=True))]
+        )
+
+    def one(rng: np.random.Generator, amplitude: FloatArray, push: list[FloatArray]) -> FloatArray:
+        total = [
+            np.asarray(
+                _forces(noise, r, len(run.u), run.sample_time, rng) * moves[r] + push[r].reshape(2, -1),
+                dtype=np.float64,
+            )
+            for r, run in enumerate(bench.runs)
+        ]
+        rows = here - bench.residual(values, total) + _rounding(bench, rng)
+        for i, change in moved:
+            for r, own in enumerate(bench.rows):
+                rows[own] += change[own] * amplitude[r, i]
         return np.asarray(rows * bench.valid)
 
-    return np.column_stack(list(bench.pool.map(one, draws)))
+    return np.column_stack(list(bench.pool.map(group, range(0, len(draws), _GROUP))))
 
 
 def _forces(noise: Noise, r: int, n: int, h: float, rng: np.random.Generator) -> FloatArray:
     """Return unknown forces on both carts, shape (2, n) [V]."""
-    own, found = float(noise.own[r]), np.empty((2, n))
-    keep = float(np.exp(-h / noise.forces.time_s))
-    for c in range(2):
-        white = rng.standard_normal(n) * noise.forces.white[c] / np.sqrt(h)
-        drive = rng.standard_normal(n) * noise.forces.slow[c] * np.sqrt(1.0 - keep**2)
-        drive[0] = rng.standard_normal() * noise.forces.slow[c]
-        found[c] = own * (white + lfilter([1.0], [1.0, -keep], drive))
-    return found
+    own, keep = float(noise.own[r]), float(np.exp(-h / noise.forces.time_s))
+    white, drive = rng.standard_normal((2, 2, n), dtype=np.float32)
+    # stationary from the start
+    drive[:, 1:] *= np.float32(np.sqrt(1.0 - keep**2))
+    slow = lfilter(np.ones(1, np.float32), np.array([1.0, -keep], np.float32), drive)
+    size = [own * np.array(s, dtype=np.float32)[:, None] for s in (noise.forces.white, noise.forces.slow)]
+    return np.asarray(np.float32(1.0 / np.sqrt(h)) * size[0] * white + size[1] * slow)
 
 
 def _rounding(bench: Bench, rng: np.random.Generator) -> FloatArray:
