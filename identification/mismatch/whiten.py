@@ -136,7 +136,6 @@ def _riccati(As: Any, Qs: Any, mode: Any, P: Any, rounding: Any, valid: Any, gai
             row = 2 * c
             for i in range(STATES):
                 shown[i] = P[row, i] + P[6 + c, i]
-            # rounding of a covariance that forces without end blow up must not make it negative
             variance[c, b] = max(shown[row] + shown[6 + c], 0.0) + rounding[c]
             for i in range(STATES):
                 own = shown[i] / variance[c, b]
@@ -145,6 +144,12 @@ def _riccati(As: Any, Qs: Any, mode: Any, P: Any, rounding: Any, valid: Any, gai
                 gain[b, c, i] = own
                 for k in range(STATES):
                     P[i, k] -= own * shown[k]
+            # Joseph's form stays positive where forces are large and a reading has hardly any error
+            for i in range(STATES):
+                shown[i] = P[i, row] + P[i, 6 + c]
+            for i in range(STATES):
+                for k in range(STATES):
+                    P[i, k] += (rounding[c] * gain[b, c, i] - shown[i]) * gain[b, c, k]
         settled = b > 0 and change < _SETTLED
 
 
