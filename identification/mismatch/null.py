@@ -151,8 +151,7 @@ def simulated(
 
     def group(first: int) -> FloatArray:
         rngs = [np.random.default_rng([*seed, draw]) for draw in draws[first : first + _GROUP]]
-        none = np.zeros((len(bench.runs), 0))
-        amplitudes = [drawn(found, noise.scale, len(bench.runs), 1, rng)[0] if found else none for rng in rngs]
+        amplitudes = [drawn(found, noise.scale, len(bench.runs), 1, rng)[0] for rng in rngs]
         # one product for all draws of a group
         pushes = [
             np.array([a[r, pushing] for a in amplitudes], dtype=np.float32) @ shapes[r] for r in range(len(bench.runs))

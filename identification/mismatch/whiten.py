@@ -34,8 +34,6 @@ from identification.mismatch.experiments import IntArray
 STATES = 8
 # time in which a deviation of a cart at rest ends [s]
 _STOPS_S = 0.005
-# of a gain, under which the filter counts as settled
-_SETTLED = 1e-7
 # variance of a position that nothing is known of, in variances of its rounding
 _UNKNOWN = 1e8
 
@@ -106,21 +104,11 @@ def _riccati(As: Any, Qs: Any, mode: Any, P: Any, rounding: Any, valid: Any, gai
     ``P``, the covariance at the start, is used up.
     """
     carts, blocks = valid.shape
-    settled = False
     room, turned, shown = np.zeros((STATES, STATES)), np.zeros((STATES, STATES)), np.zeros(STATES)
     for b in range(blocks):
-        if b > 0:
-            if mode[b] != mode[b - 1]:
-                settled = False
-            for c in range(carts):
-                if valid[c, b] != valid[c, b - 1]:
-                    settled = False
-                    if valid[c, b]:
-                        P[6 + c, 6 + c] += _UNKNOWN * rounding[c]
-        if settled:
-            gain[b] = gain[b - 1]
-            variance[:, b] = variance[:, b - 1]
-            continue
+        for c in range(carts):
+            if b > 0 and valid[c, b] and not valid[c, b - 1]:
+                P[6 + c, 6 + c] += _UNKNOWN * rounding[c]
         A, Q = As[mode[b]], Qs[mode[b]]
         # A P Aᵀ = A (A P)ᵀ, for P is symmetric
         _carried(A, P, room)
@@ -129,28 +117,23 @@ def _riccati(As: Any, Qs: Any, mode: Any, P: Any, rounding: Any, valid: Any, gai
                 turned[i, k] = room[k, i]
         _carried(A, turned, P)
         P += Q
-        change = 0.0
         for c in range(carts):
             if not valid[c, b]:
                 continue
             row = 2 * c
             for i in range(STATES):
                 shown[i] = P[row, i] + P[6 + c, i]
-            variance[c, b] = max(shown[row] + shown[6 + c], 0.0) + rounding[c]
+            variance[c, b] = shown[row] + shown[6 + c] + rounding[c]
             for i in range(STATES):
-                own = shown[i] / variance[c, b]
-                before = gain[b - 1, c, i] if b > 0 else 0.0
-                change = max(change, abs(own - before) / (abs(own) + 1e-12))
-                gain[b, c, i] = own
+                gain[b, c, i] = shown[i] / variance[c, b]
                 for k in range(STATES):
-                    P[i, k] -= own * shown[k]
+                    P[i, k] -= gain[b, c, i] * shown[k]
             # Joseph's form stays positive where forces are large and a reading has hardly any error
             for i in range(STATES):
                 shown[i] = P[i, row] + P[i, 6 + c]
             for i in range(STATES):
                 for k in range(STATES):
                     P[i, k] += (rounding[c] * gain[b, c, i] - shown[i]) * gain[b, c, k]
-        settled = b > 0 and change < _SETTLED
 
 
 @kernel
@@ -201,8 +184,7 @@ def _innovations_of_one(As: Any, mode: Any, gain: Any, scale: Any, x: Any, valid
             out[c, b] = error * scale[c, b]
             for i in range(STATES):
                 moved[i] += gain[b, c, i] * error
-        for i in range(STATES):
-            z[i] = moved[i]
+        z, moved = moved, z
 
 
 @dataclass(frozen=True, eq=False)
