@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,8 +18,9 @@ from identification.mismatch.score import gains
 from identification.mismatch.start import base_starts
 from identification.topology import Topology
 
-# iterations of a first try from every start
+# iterations of a first try from every start, and the share of a start's sizes that a second one has
 _TRY = 4
+_SMALL = 0.1
 
 
 def fit_base(bench: Bench, topology: Topology, known: Values) -> Fit:
@@ -50,10 +51,18 @@ def fit_candidates(
     """Fit candidates, each from all its starts that a simulation resolves."""
     bench = base.bench
     jobs = [job for job in jobs if resolved(job[1])]
+    white = noise.white(base.residual)
+    without_it = float(white @ white)
 
     def tried(job: tuple[Candidate, Values]) -> tuple[Candidate, Fit]:
         candidate, start = job
-        return candidate, fit(bench, noise, start, (*base.names, *candidate.keys), iterations=_TRY, near=base)
+        names = (*base.names, *candidate.keys)
+        found = fit(bench, noise, start, names, iterations=_TRY, near=base)
+        if found.cost > without_it:
+            # no optimum is worse than that of the model it contains: a drive that friction holds has no slope that leads back
+            small = {**start, **{k: _SMALL * start[k] for k, _ in candidate.sizes}}
+            found = min(found, fit(bench, noise, small, names, iterations=_TRY, near=base), key=lambda f: f.cost)
+        return candidate, found
 
     best: dict[Name, tuple[Candidate, Fit]] = {}
     for candidate, found in bench.pool.map(tried, jobs):
@@ -64,7 +73,31 @@ def fit_candidates(
     ahead = sorted(best, key=lambda n: best[n][1].cost)[: bench.settings.finished]
     leading = list(dict.fromkeys([*ahead, *asked[: bench.settings.finished // 2]]))
     ended = bench.pool.map(lambda f: fit(bench, noise, f.values, f.names, near=f), [best[n][1] for n in leading])
-    return best | {n: (best[n][0], f) for n, f in zip(leading, ended, strict=True)}
+    best |= {n: (best[n][0], f) for n, f in zip(leading, ended, strict=True)}
+    return best | _from_the_leader(base, noise, {n: best[n] for n in leading})
+
+
+def _from_the_leader(
+    base: Fit, noise: Metric, best: Mapping[Name, tuple[Candidate, Fit]]
+) -> dict[Name, tuple[Candidate, Fit]]:
+    """Fit candidates again from the base parameters of the best one, and keep what is better: none may win by its basin."""
+    bench = base.bench
+    ahead = min(best, key=lambda n: best[n][1].cost, default=None)
+    if ahead is None:
+        return {}
+    leader, there = best[ahead]
+
+    def again(item: tuple[Candidate, Fit]) -> tuple[Candidate, Fit]:
+        candidate, before = item
+        values = without(leader, there.values, base.names) | {k: before.values[k] for k in candidate.keys}
+        if candidate is leader or not resolved(values):
+            return item
+        other = fit(bench, noise, values, before.names, iterations=_TRY)
+        if other.cost >= before.cost:
+            return item
+        return candidate, fit(bench, noise, other.values, other.names, near=other)
+
+    return dict(zip(best, bench.pool.map(again, best.values()), strict=True))
 
 
 def refit_base(base: Fit, noise: Noise, fits: Sequence[tuple[Candidate, Fit]]) -> tuple[Fit, float]:
@@ -75,9 +108,7 @@ def refit_base(base: Fit, noise: Noise, fits: Sequence[tuple[Candidate, Fit]]) -
 
     def one(item: tuple[Candidate, Fit]) -> Fit:
         candidate, best = item
-        values = {k: v for k, v in best.values.items() if k not in candidate.keys}
-        give_back(values, candidate, best.values, base.names)
-        return fit(base.bench, noise, values, base.names, near=base)
+        return fit(base.bench, noise, without(candidate, best.values, base.names), base.names, near=base)
 
     again = [base, *base.bench.pool.map(one, fits)]
     costs = np.array([f.cost for f in again])
@@ -104,8 +135,10 @@ def pruned(base: Fit, noise: Noise, scored: Sequence[Scored], significant: Seque
     return list(scored)
 
 
-def give_back(values: dict[str, float], candidate: Candidate, before: Values, names: Sequence[str]) -> None:
-    """Return to the base parameters what a candidate had taken over of them, where the model has these."""
+def without(candidate: Candidate, values: Values, names: Sequence[str]) -> dict[str, float]:
+    """Return a drive without a candidate, whose base parameters get back what it had taken over, where the model has these."""
+    left = {k: v for k, v in values.items() if k not in candidate.keys}
     for key, taken in candidate.takes:
         if taken in names:
-            values[taken] = values.get(taken, 0.0) + before.get(key, 0.0)
+            left[taken] = left.get(taken, 0.0) + values.get(key, 0.0)
+    return left

@@ -20,7 +20,7 @@ from identification.mismatch.linear import Linear, linearise
 from identification.mismatch.noise import Noise, damped, estimate, with_usual_forces
 from identification.mismatch.nuisance import Direction, directions, dry_level
 from identification.mismatch.null import Null, first_draws, null_of
-from identification.mismatch.optima import far, fit_base, fit_candidates, give_back, pruned, refit_base
+from identification.mismatch.optima import far, fit_base, fit_candidates, pruned, refit_base, without
 from identification.mismatch.ranking import MOST, Round, Scored, nameless, ranked, scores
 from identification.mismatch.score import gains, trimmed
 from identification.mismatch.start import Start, candidate_starts, far_starts
@@ -325,8 +325,6 @@ class Selector:
             ((gain, _),) = random_gains(self.bench, columns, noise.white(model.residual)[:, None])
             return last.null.p_value(scored.name, float(trimmed(gain[:, 0]))), model
         names = [n for n in model.names if n not in scored.candidate.keys]
-        values = {k: v for k, v in model.values.items() if k not in scored.candidate.keys}
-        give_back(values, scored.candidate, model.values, names)
-        without = fit(self.bench, last.noise, values, names)
-        gain = gains(without.normal, model.normal, self.settings.damping)
-        return last.null.p_value(scored.name, float(trimmed(gain))), without
+        less = fit(self.bench, last.noise, without(scored.candidate, model.values, names), names)
+        gain = gains(less.normal, model.normal, self.settings.damping)
+        return last.null.p_value(scored.name, float(trimmed(gain))), less

@@ -48,3 +48,11 @@ def test_a_first_try_ends_when_steps_no_longer_help(bench, found):
     again = fit(bench, found.metric, found.values, NAMES, iterations=4, near=found)
     assert again.values["k"] == pytest.approx(found.values["k"], rel=1e-3)
     assert again.cost <= found.cost
+
+
+def test_every_start_within_a_factor_of_three_ends_in_the_same_optimum(bench, found):
+    rng = np.random.default_rng(0)
+    far = np.exp(rng.uniform(-np.log(3.0), np.log(3.0), (12, len(NAMES))))
+    for factors in far:
+        start = {**RIG, **{n: RIG[n] * f for n, f in zip(NAMES, factors, strict=True)}}
+        assert fit(bench, found.metric, start, NAMES).cost == pytest.approx(found.cost, rel=1e-3)

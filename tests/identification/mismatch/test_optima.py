@@ -34,3 +34,24 @@ def test_a_better_optimum_of_the_base_model_is_no_gain_of_a_candidate(base):
     better, _ = refit_base(worse, base.metric, [(drag, nothing)])
     assert better.cost <= base.cost + 1.0
     assert set(better.values) == set(base.values)
+
+
+def test_no_candidate_is_worse_than_the_model_it_contains(base):
+    without = replace(TWO_CARTS, free=tuple(n for n in TWO_CARTS.free if n != "d1"))
+    friction = next(c for c in catalogue(without, {}, None) if c.name == ("coulomb_friction", "cart_1"))
+    plain = fit(base.bench, base.metric, {**base.values, "d1": 0.0}, without.free)
+    # what holds the cart has no slope that leads back
+    held = {**plain.values, "d1": 4.0}
+    assert fit(base.bench, base.metric, held, (*plain.names, "d1")).cost > 10.0 * plain.cost
+    _, found = fit_candidates(plain, plain.metric, [(friction, held)])[friction.name]
+    assert found.cost < plain.cost
+
+
+def test_candidates_are_compared_from_the_best_ones_base_parameters(base):
+    drag, stribeck = (
+        next(c for c in CANDIDATES if c.name == name) for name in (("quadratic_drag", "cart_1"), ("stribeck", "cart_1"))
+    )
+    far = {**base.values, "k": 30.0 * base.values["k"], "m2": 30.0 * base.values["m2"]}
+    jobs = [(drag, {**base.values, **drag.start}), (stribeck, {**far, **stribeck.start})]
+    found = fit_candidates(base, base.metric, jobs)
+    assert found[stribeck.name][1].cost < 1.05 * found[drag.name][1].cost
