@@ -156,55 +156,24 @@ def missing_force(values: Mapping[str, float], recording: Recording) -> MissingF
     every = max(1, round(STEP_S / recording.sample_time))
     h, Y = recording.sample_time * every, positions(recording)[:, ::every]
     carts = len(Y)
-    two = carts == 2
-    drive = LinearDrive(
-        values["m1"],
-        values["m2"] if two else np.inf,
-        values.get("b1", 0.0),
-        values.get("b2", 0.0),
-        values.get("k", 0.0),
-        values.get("C", 0.0),
-    )
     speeds, valid = motions(recording)
     fine = np.array([gaussian_filter1d(v, _SMOOTH_S / recording.sample_time) for v in speeds])
-    speed = np.ascontiguousarray(fine[:, ::every])
-    s = _means(np.clip(fine / _RESTING, -1.0, 1.0), every)
-    level = np.array([values.get("d1", 0.0), values.get("d2", 0.0)])[:carts]
-    force = -level[:, None] * s
-    u = recording.u[::every]
-    force[0] += _means(recording.u[None, :], every)[0]
     seen = np.column_stack([keep[::every] for keep in valid])
     jump = np.zeros_like(seen)
     jump[1:] = seen[1:] & ~seen[:-1]
+    drive = _linear(values, carts)
     A, B = _discrete(drive, carts, h, values.get("k", 0.0))
-    n = 4 * carts
-    M, wander = drive.matrices[0], SIZE * np.sqrt(2.0 / MEMORY_S)
-    Q = np.zeros((n, n))
-    for c in range(carts):
-        Q[2 * carts + c, 2 * carts + c] = wander**2 * h
-        # the discrete model holds g over a sample: let the velocity take up the rest
-        Q[carts + c, carts + c] = (wander * h / M[c, c]) ** 2 * h / 3.0
-    # never exactly known, or the smoother's inverse does not exist
-    Q += np.diag(np.concatenate([np.full(n - carts, 0.0), np.full(carts, 1e-12)]))
+    x0, P0 = _start(Y[:, 0], fine[:, 0])
     quantum = np.array([max(q, 1e-4) for q in recording.quantum[:carts]])
-    x0 = np.concatenate([Y[:, 0], speed[:, 0], np.zeros(2 * carts)])
-    P0 = np.diag(
-        np.concatenate(
-            [[1e-6], np.full(carts - 1, 25.0), np.full(carts, 25.0), np.full(carts, 1.0), np.full(carts, 1e-9)]
-        )
-    )
-    if two:
-        # at rest the spring may be deflected within the friction of cart 2; encoders start at zero all the same
-        P0[n - 1, n - 1] = 25.0
-    mean, var = np.zeros((len(u), n)), np.zeros((len(u), n))
+    mean, var = np.zeros((len(seen), 4 * carts)), np.zeros((len(seen), 4 * carts))
     _smooth(
         A,
         B,
-        np.ascontiguousarray(force.T),
+        np.ascontiguousarray(_known_force(values, recording, fine, every).T),
         np.ascontiguousarray(Y.T),
         seen,
         jump,
-        Q,
+        _wandering(drive.matrices[0], carts, h),
         np.full(carts, 1e4),
         float(np.mean(quantum) ** 2 / 6.0),
         x0,
@@ -212,28 +181,74 @@ def missing_force(values: Mapping[str, float], recording: Recording) -> MissingF
         mean,
         var,
     )
-    settle = max(1, round(_SETTLE_S / h))
-    near: BoolArray = np.asarray(binary_dilation(~seen, np.ones((2 * settle + 1, 1), dtype=bool)))
-    v = mean[:, carts : 2 * carts].T
-    rest = np.array(
-        [
-            binary_dilation(np.abs(row) < _RESTING, np.ones(2 * max(1, round(_SMOOTH_S / h)) + 1, dtype=bool))
-            for row in v
-        ]
-    )
-    usable = ~np.any(near, axis=1, keepdims=True).T & ~rest
-    usable[:, :settle] = False
-    usable[:, -settle:] = False
+    x, v, g, _ = np.split(mean.T, 4)
     return MissingForce(
         recording.name,
         recording.t[::every],
-        u,
-        np.ascontiguousarray(mean[:, :carts].T),
+        recording.u[::every],
+        np.ascontiguousarray(x),
         np.ascontiguousarray(v),
-        np.ascontiguousarray(mean[:, 2 * carts : 3 * carts].T),
+        np.ascontiguousarray(g),
         np.sqrt(np.maximum(var[:, 2 * carts : 3 * carts].T, 0.0)),
-        usable,
+        _usable(seen, v, h),
     )
+
+
+def _linear(values: Mapping[str, float], carts: int) -> LinearDrive:
+    return LinearDrive(
+        values["m1"],
+        values["m2"] if carts == 2 else np.inf,
+        values.get("b1", 0.0),
+        values.get("b2", 0.0),
+        values.get("k", 0.0),
+        values.get("C", 0.0),
+    )
+
+
+def _known_force(values: Mapping[str, float], recording: Recording, speeds: FloatArray, every: int) -> FloatArray:
+    """Return the command and dry friction on each cart, means over steps, shape (carts, steps) [V]."""
+    level = np.array([values.get("d1", 0.0), values.get("d2", 0.0)])[: len(speeds)]
+    force = -level[:, None] * _means(np.clip(speeds / _RESTING, -1.0, 1.0), every)
+    force[0] += _means(recording.u[None, :], every)[0]
+    return np.asarray(force)
+
+
+def _wandering(M: FloatArray, carts: int, h: float) -> FloatArray:
+    """Return the covariance of what a step adds to positions, velocities, missing forces and encoder offsets."""
+    wander = SIZE * np.sqrt(2.0 / MEMORY_S)
+    Q = np.zeros((4 * carts, 4 * carts))
+    for c in range(carts):
+        Q[2 * carts + c, 2 * carts + c] = wander**2 * h
+        # the discrete model holds g over a sample: let the velocity take up the rest
+        Q[carts + c, carts + c] = (wander * h / M[c, c]) ** 2 * h / 3.0
+        # an offset is never exactly known, or the smoother's inverse does not exist
+        Q[3 * carts + c, 3 * carts + c] = 1e-12
+    return Q
+
+
+def _start(positions: FloatArray, speeds: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return mean and covariance of the state at the first sample."""
+    carts = len(positions)
+    x0 = np.concatenate([positions, speeds, np.zeros(2 * carts)])
+    variance = np.repeat([25.0, 25.0, 1.0, 1e-9], carts)
+    variance[0] = 1e-6
+    P0 = np.diag(variance)
+    if carts == 2:
+        # at rest the spring may be deflected within the friction of cart 2; encoders start at zero all the same
+        P0[-1, -1] = 25.0
+    return x0, P0
+
+
+def _usable(seen: BoolArray, v: FloatArray, h: float) -> BoolArray:
+    """Return where each cart moves and no fault of any encoder is near, shape (carts, steps)."""
+    settle = max(1, round(_SETTLE_S / h))
+    near: BoolArray = np.asarray(binary_dilation(~seen, np.ones((2 * settle + 1, 1), dtype=bool)))
+    around = np.ones(2 * max(1, round(_SMOOTH_S / h)) + 1, dtype=bool)
+    rest = np.array([binary_dilation(np.abs(row) < _RESTING, around) for row in v])
+    usable = ~np.any(near, axis=1, keepdims=True).T & ~rest
+    usable[:, :settle] = False
+    usable[:, -settle:] = False
+    return np.asarray(usable)
 
 
 def _means(rows: FloatArray, every: int) -> FloatArray:

@@ -9,16 +9,21 @@ and missing values, is returned as spans to be masked.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from identification.recordings.errors import broken
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import numpy.typing as npt
 
     from flexdrive_gym.recording import BoolArray, FloatArray
+
+# of samples, what is kept
+Which: TypeAlias = "slice | BoolArray | npt.NDArray[np.intp]"
 
 SHORTEST = 0.2  # s: below this not even the spring's first swing (about 3 Hz) is seen
 FEWEST = 50  # samples
@@ -135,45 +140,71 @@ def _clean_stamps(
     """Return stamps that increase: without holes, rounding, restarts, repetitions and long gaps."""
     notes: list[str] = []
 
-    def take(which: slice | BoolArray | npt.NDArray[np.intp]) -> None:
+    def take(stage: Callable[[FloatArray, str], tuple[Which, str] | None]) -> None:
         nonlocal t, signals
-        t, signals = t[which], {name: values[which] for name, values in signals.items()}
+        found = stage(t, source)
+        if found is not None:
+            which, note = found
+            t, signals = t[which], {name: values[which] for name, values in signals.items()}
+            notes.append(note)
 
-    good = np.isfinite(t) & (np.abs(np.nan_to_num(t)) < LATEST)
-    if not good.all():
-        bad = int(np.sum(~good))
-        if bad > MOST_MISSING * t.size:
-            raise broken(
-                source,
-                "time",
-                f"at most {MOST_MISSING:.0%} of the stamps may be missing",
-                f"{bad} of {t.size}",
-                "Export the log again with a time for every sample.",
-            )
-        notes.append(f"{bad} samples without a time stamp dropped")
-        take(good)
-    disorder = _disordered(t)
-    if disorder is not None:
-        notes.append(f"{disorder.size} samples out of order, sorted by time")
-        take(np.argsort(t, kind="stable"))
-    piece = _longest(t, np.diff(t) < -SAME)
-    if piece is not None:
-        first, last, count = piece
-        if count > MOST_PIECES:
-            k = int(np.argmax(np.diff(t) < -SAME))
-            raise broken(
-                source,
-                "time",
-                "must increase",
-                f"{t[k + 1]:.6g} s after {t[k]:.6g} s at sample {k + 2}, {count - 1} steps backwards in all",
-                "Sort the samples by time, or name the column that holds it.",
-            )
-        notes.append(f"the clock starts again: of {count} pieces the longest is read, samples {first + 1} to {last}")
-        take(slice(first, last))
+    for stage in (_stamped, _in_order, _of_one_clock):
+        take(stage)
     straight = _straightened(t)
     if straight is not None:
         t, note = straight
         return t, signals, [*notes, note]
+    for stage in (_unrepeated, _without_long_gaps):
+        take(stage)
+    return t, signals, notes
+
+
+def _stamped(t: FloatArray, source: str) -> tuple[Which, str] | None:
+    """Return the samples with a time stamp, and a note, where some have none."""
+    good = np.isfinite(t) & (np.abs(np.nan_to_num(t)) < LATEST)
+    if good.all():
+        return None
+    bad = int(np.sum(~good))
+    if bad > MOST_MISSING * t.size:
+        raise broken(
+            source,
+            "time",
+            f"at most {MOST_MISSING:.0%} of the stamps may be missing",
+            f"{bad} of {t.size}",
+            "Export the log again with a time for every sample.",
+        )
+    return good, f"{bad} samples without a time stamp dropped"
+
+
+def _in_order(t: FloatArray, _source: str) -> tuple[Which, str] | None:
+    """Return the samples sorted by time, and a note, where a few are out of order."""
+    disorder = _disordered(t)
+    if disorder is None:
+        return None
+    return np.argsort(t, kind="stable"), f"{disorder.size} samples out of order, sorted by time"
+
+
+def _of_one_clock(t: FloatArray, source: str) -> tuple[Which, str] | None:
+    """Return the longest piece in which time increases, and a note, where a clock starts again."""
+    piece = _longest(t, np.diff(t) < -SAME)
+    if piece is None:
+        return None
+    first, last, count = piece
+    if count > MOST_PIECES:
+        k = int(np.argmax(np.diff(t) < -SAME))
+        raise broken(
+            source,
+            "time",
+            "must increase",
+            f"{t[k + 1]:.6g} s after {t[k]:.6g} s at sample {k + 2}, {count - 1} steps backwards in all",
+            "Sort the samples by time, or name the column that holds it.",
+        )
+    note = f"the clock starts again: of {count} pieces the longest is read, samples {first + 1} to {last}"
+    return slice(first, last), note
+
+
+def _unrepeated(t: FloatArray, source: str) -> tuple[Which, str] | None:
+    """Return the samples whose stamp differs from the one before, and a note, where some repeat."""
     fresh = np.r_[True, np.diff(t) > SAME]
     repeated = int(np.sum(~fresh))
     if repeated > MOST_REPEATED * t.size:
@@ -184,21 +215,23 @@ def _clean_stamps(
             f"{repeated} of {t.size} repeat",
             "Export the time with more decimals, or write the sampling period in rig.toml: [rig] sample_time = 0.001.",
         )
-    if repeated:
-        notes.append(f"{repeated} samples with a repeated time stamp dropped")
-        take(fresh)
-    Ts = float(np.median(np.diff(t))) if t.size > 1 else 0.0
+    return (fresh, f"{repeated} samples with a repeated time stamp dropped") if repeated else None
+
+
+def _without_long_gaps(t: FloatArray, _source: str) -> tuple[Which, str] | None:
+    """Return the longest piece without long gaps, and a note, where these are too much of the time to be filled."""
     step = np.diff(t)
-    if np.sum(step[step > GAP * Ts] - Ts) > LONGEST_GAPS:
-        piece = _longest(t, step > max(GAP * Ts, LONG_GAP))
-        if piece is not None and piece[2] <= MOST_PIECES:
-            first, last, count = piece
-            notes.append(
-                f"gaps of {float(np.sum(step[step > LONG_GAP])):.3g} s in time: of {count} pieces the longest is read, "
-                f"samples {first + 1} to {last}"
-            )
-            take(slice(first, last))
-    return t, signals, notes
+    Ts = float(np.median(step)) if t.size > 1 else 0.0
+    if np.sum(step[step > GAP * Ts] - Ts) <= LONGEST_GAPS:
+        return None
+    piece = _longest(t, step > max(GAP * Ts, LONG_GAP))
+    if piece is None or piece[2] > MOST_PIECES:
+        return None
+    first, last, count = piece
+    return slice(first, last), (
+        f"gaps of {float(np.sum(step[step > LONG_GAP])):.3g} s in time: of {count} pieces the longest is read, "
+        f"samples {first + 1} to {last}"
+    )
 
 
 def _disordered(t: FloatArray) -> npt.NDArray[np.intp] | None:
