@@ -205,7 +205,7 @@ class Selector:
                 noise = estimate(bench, model.values, model.residual, found)
                 base = fit(bench, noise, base.values, base.names)
                 linear = self._linear(base, noise, candidates)
-                model = self._freed(model, noise, linear, found, candidates)
+                model, noise = self._freed(model, noise, linear, found, candidates)
                 if model is not whole:
                     found = (*directions(bench, model.values), *phases)
             near = model if len(model.names) > len(base.names) else base
@@ -218,7 +218,12 @@ class Selector:
             jobs = [(c, f.values) for c, f in fits.values()] or [
                 *self._jobs(base, linear, table, first, candidates),
                 *((c, {**base.values, **own}) for c, own in proposed),
-                *((c, _part(c, base, whole)) for c in candidates if all(k in whole.values for k in c.keys)),
+                *(
+                    (c, _part(c, base, m))
+                    for m in (whole, model)
+                    for c in candidates
+                    if all(k in m.values for k in c.keys)
+                ),
             ]
             fits = fit_candidates(base, noise, jobs)
             model = min((f for _, f in fits.values()), key=lambda f: f.cost, default=base)
@@ -272,15 +277,16 @@ class Selector:
 
     def _freed(
         self, model: Fit, noise: Noise, linear: Linear, found: Sequence[Direction], candidates: Sequence[Candidate]
-    ) -> Fit:
+    ) -> tuple[Fit, Noise]:
         """Return the model with the candidate that explains what unknown forces have taken, if that is more probable.
 
         Forces and physics that is left out compete for the same residual. Where slow forces are unusually large,
-        candidates are fitted with forces of a usual size, and the more probable account of the residual is kept.
+        candidates are fitted with forces of a usual size, and the more probable account of the residual is kept, with its noise:
+        in the old one whatever a linear change adds to the new model would count for little.
         """
         quiet = with_usual_forces(noise)
         if quiet is None:
-            return model
+            return model, noise
         base = linear.model
         around = linear.around(base, quiet)
         table = evaluate(around, around.residual[:, None])
@@ -292,7 +298,7 @@ class Selector:
         best = min((f for _, f in fit_candidates(base, quiet, jobs).values()), key=lambda f: f.cost, default=base)
         other = estimate(self.bench, best.values, best.residual, found)
         more = len(best.names) - len(model.names)
-        return best if other.cost + WORTH * more < noise.cost else model
+        return (best, other) if other.cost + WORTH * more < noise.cost else (model, noise)
 
     def _jobs(
         self, base: Fit, linear: Linear, table: Table, first: FloatArray, candidates: Sequence[Candidate]
