@@ -46,8 +46,8 @@ _TIMES_S = (0.005, 10.0)
 _LEAST_LEVEL = 0.02
 # standard deviation of the logarithms of these over rigs
 _BETWEEN_RIGS = 2.0
-# most evaluations of the likelihood per search, and the last radius of its trust region in logarithms: with 0.05 the
-# search of a development set ended six units below the optimum, with 0.02 a tenth of one
+# most evaluations of the likelihood per search, and the last radius of its trust region in logarithms: two per cent of an
+# intensity, which the likelihood hardly resolves
 _EVALUATIONS, _RESOLVED = 120, 0.02
 # share of the unknown forces in recordings of a cart that hardly moves
 _STILL = 1e-3

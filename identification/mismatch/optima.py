@@ -52,16 +52,17 @@ def fit_candidates(
     bench = base.bench
     jobs = [job for job in jobs if resolved(job[1])]
     white = noise.white(base.residual)
-    without_it = float(white @ white)
+    contained = float(white @ white)
 
     def tried(job: tuple[Candidate, Values]) -> tuple[Candidate, Fit]:
         candidate, start = job
         names = (*base.names, *candidate.keys)
         found = fit(bench, noise, start, names, iterations=_TRY, near=base)
-        if found.cost > without_it:
+        if found.cost > contained:
             # no optimum is worse than that of the model it contains: a drive that friction holds has no slope that leads back
             small = {**start, **{k: _SMALL * start[k] for k, _ in candidate.sizes}}
-            found = min(found, fit(bench, noise, small, names, iterations=_TRY, near=base), key=lambda f: f.cost)
+            if resolved(small):
+                found = min(found, fit(bench, noise, small, names, iterations=_TRY, near=base), key=lambda f: f.cost)
         return candidate, found
 
     best: dict[Name, tuple[Candidate, Fit]] = {}

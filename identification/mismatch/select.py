@@ -215,15 +215,11 @@ class Selector:
             base = fit(bench, noise, base.values, base.names)
             linear = linear.around(base, noise)
             table = evaluate(linear, linear.residual[:, None])
+            apart = (whole,) if model is whole else (whole, model)
             jobs = [(c, f.values) for c, f in fits.values()] or [
                 *self._jobs(base, linear, table, first, candidates),
                 *((c, {**base.values, **own}) for c, own in proposed),
-                *(
-                    (c, _part(c, base, m))
-                    for m in (whole, model)
-                    for c in candidates
-                    if all(k in m.values for k in c.keys)
-                ),
+                *((c, _part(c, base, m)) for m in apart for c in candidates if all(k in m.values for k in c.keys)),
             ]
             fits = fit_candidates(base, noise, jobs)
             model = min((f for _, f in fits.values()), key=lambda f: f.cost, default=base)

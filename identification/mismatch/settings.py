@@ -61,7 +61,7 @@ class Settings:
         Ridge of leave-one-out steps relative to the diagonal of the information [1]: far below the share that one recording has
         in any parameter, far above round-off.
     iterations
-        Most Gauss-Newton steps of a fit: far more than the 30 to 80 that dry friction and a far start ask for.
+        Most Gauss-Newton steps of a fit: so many that a fit ends where steps no longer help.
     tolerance
         Relative decrease of the squared error that ends a fit [1]; a tenth of a unit of log-likelihood in 20,000 rows.
     """

@@ -9,42 +9,21 @@ and missing values, is returned as spans to be masked.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from identification.recordings.errors import broken
+from identification.recordings.stamps import FEWEST, GAP, JITTER, LONGEST_GAPS, MOST_MISSING, clean_stamps
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    import numpy.typing as npt
-
     from flexdrive_gym.recording import BoolArray, FloatArray
 
-# of samples, what is kept
-Which: TypeAlias = "slice | BoolArray | npt.NDArray[np.intp]"
-
 SHORTEST = 0.2  # s: below this not even the spring's first swing (about 3 Hz) is seen
-FEWEST = 50  # samples
 SLOWEST = 0.5  # s per sample: no log of this drive is so slow; stamps in ms labelled s are
 UNEVEN = 1e-3  # of the sampling period, below which stamps are left as they are
-JITTER = 0.05  # of the sampling period, beyond which the samples cannot be called uniform
-GAP = 1.5  # sampling periods between neighbours, beyond which a sample is missing
-LONGEST_GAPS = 0.5  # s in total that may be bridged
-SAME = 1e-9  # s: closer stamps are equal but for floating-point noise
-MOST_MISSING = 0.2  # of a column that may be interpolated
-MOST_REPEATED = 0.05  # of the stamps that may repeat before they are too coarse to be a time base
-MOST_DISORDERED = 0.01  # of the samples that may come late
-MOST_PIECES = 20  # of a clock that starts again, beyond which it is none
-LONG_GAP = 0.02  # s: the spring's swing can be followed over a shorter one
-FEWEST_STEPS = 3  # odd steps whose regularity tells rounding from lost samples
-BLOCK = 200  # samples over which rounded stamps keep to a line
-DRIFT = 5.0  # decimals by which a clock may drift in a run
-COARSEST = 4.0  # sampling periods that a rounded stamp may be coarse
 MOST_INVENTED = 1.5  # samples on the grid for one in the file
 STRETCH = 0.01  # by which a given sampling period may differ from the stamps
-LATEST = 1e12  # s
 
 
 @dataclass(frozen=True)
@@ -98,7 +77,7 @@ def make_uniform(
     if sample_time is not None:
         t, notes = _counted(t, sample_time)
     else:
-        t, signals, notes = _clean_stamps(t, signals, source)
+        t, signals, notes = clean_stamps(t, signals, source)
     Ts = _sample_time(t, source)
     gaps, gap_notes = _gaps(t, Ts, source)
     signals, missing = _fill(t, signals, source)
@@ -132,160 +111,6 @@ def _counted(t: FloatArray, Ts: float) -> tuple[FloatArray, list[str]]:
         notes.append(f"{alarm}the sampling period is {Ts:g} s by rig.toml, {own:.6g} s by the time stamps")
     counted: FloatArray = Ts * np.arange(t.size, dtype=np.float64)
     return counted, notes
-
-
-def _clean_stamps(
-    t: FloatArray, signals: dict[str, FloatArray], source: str
-) -> tuple[FloatArray, dict[str, FloatArray], list[str]]:
-    """Return stamps that increase: without holes, rounding, restarts, repetitions and long gaps."""
-    notes: list[str] = []
-
-    def take(stage: Callable[[FloatArray, str], tuple[Which, str] | None]) -> None:
-        nonlocal t, signals
-        found = stage(t, source)
-        if found is not None:
-            which, note = found
-            t, signals = t[which], {name: values[which] for name, values in signals.items()}
-            notes.append(note)
-
-    for stage in (_stamped, _in_order, _of_one_clock):
-        take(stage)
-    straight = _straightened(t)
-    if straight is not None:
-        t, note = straight
-        return t, signals, [*notes, note]
-    for stage in (_unrepeated, _without_long_gaps):
-        take(stage)
-    return t, signals, notes
-
-
-def _stamped(t: FloatArray, source: str) -> tuple[Which, str] | None:
-    """Return the samples with a time stamp, and a note, where some have none."""
-    good = np.isfinite(t) & (np.abs(np.nan_to_num(t)) < LATEST)
-    if good.all():
-        return None
-    bad = int(np.sum(~good))
-    if bad > MOST_MISSING * t.size:
-        raise broken(
-            source,
-            "time",
-            f"at most {MOST_MISSING:.0%} of the stamps may be missing",
-            f"{bad} of {t.size}",
-            "Export the log again with a time for every sample.",
-        )
-    return good, f"{bad} samples without a time stamp dropped"
-
-
-def _in_order(t: FloatArray, _source: str) -> tuple[Which, str] | None:
-    """Return the samples sorted by time, and a note, where a few are out of order."""
-    disorder = _disordered(t)
-    if disorder is None:
-        return None
-    return np.argsort(t, kind="stable"), f"{disorder.size} samples out of order, sorted by time"
-
-
-def _of_one_clock(t: FloatArray, source: str) -> tuple[Which, str] | None:
-    """Return the longest piece in which time increases, and a note, where a clock starts again."""
-    piece = _longest(t, np.diff(t) < -SAME)
-    if piece is None:
-        return None
-    first, last, count = piece
-    if count > MOST_PIECES:
-        k = int(np.argmax(np.diff(t) < -SAME))
-        raise broken(
-            source,
-            "time",
-            "must increase",
-            f"{t[k + 1]:.6g} s after {t[k]:.6g} s at sample {k + 2}, {count - 1} steps backwards in all",
-            "Sort the samples by time, or name the column that holds it.",
-        )
-    note = f"the clock starts again: of {count} pieces the longest is read, samples {first + 1} to {last}"
-    return slice(first, last), note
-
-
-def _unrepeated(t: FloatArray, source: str) -> tuple[Which, str] | None:
-    """Return the samples whose stamp differs from the one before, and a note, where some repeat."""
-    fresh = np.r_[True, np.diff(t) > SAME]
-    repeated = int(np.sum(~fresh))
-    if repeated > MOST_REPEATED * t.size:
-        raise broken(
-            source,
-            "time",
-            "stamps must differ from sample to sample",
-            f"{repeated} of {t.size} repeat",
-            "Export the time with more decimals, or write the sampling period in rig.toml: [rig] sample_time = 0.001.",
-        )
-    return (fresh, f"{repeated} samples with a repeated time stamp dropped") if repeated else None
-
-
-def _without_long_gaps(t: FloatArray, _source: str) -> tuple[Which, str] | None:
-    """Return the longest piece without long gaps, and a note, where these are too much of the time to be filled."""
-    step = np.diff(t)
-    Ts = float(np.median(step)) if t.size > 1 else 0.0
-    if np.sum(step[step > GAP * Ts] - Ts) <= LONGEST_GAPS:
-        return None
-    piece = _longest(t, step > max(GAP * Ts, LONG_GAP))
-    if piece is None or piece[2] > MOST_PIECES:
-        return None
-    first, last, count = piece
-    return slice(first, last), (
-        f"gaps of {float(np.sum(step[step > LONG_GAP])):.3g} s in time: of {count} pieces the longest is read, "
-        f"samples {first + 1} to {last}"
-    )
-
-
-def _disordered(t: FloatArray) -> npt.NDArray[np.intp] | None:
-    """Return the samples that come a little late, as from a network, or ``None`` where the order is another matter."""
-    back = np.flatnonzero(np.diff(t) < -SAME)
-    if not 0 < back.size <= MOST_DISORDERED * t.size:
-        return None
-    Ts = float(np.median(np.abs(np.diff(t))))
-    ordered = np.sort(t)
-    late = bool(np.all(t[back] - t[back + 1] < 10.0 * Ts)) and bool(np.all(np.diff(ordered) > SAME))
-    return back if late else None
-
-
-def _longest(t: FloatArray, broken_after: BoolArray) -> tuple[int, int, int] | None:
-    """Return the first sample of the longest piece, the one behind it, and the number of pieces; ``None`` for one piece."""
-    if not broken_after.any():
-        return None
-    edges = np.r_[0, np.flatnonzero(broken_after) + 1, t.size]
-    best = int(np.argmax(np.diff(edges)))
-    return int(edges[best]), int(edges[best + 1]), edges.size - 1
-
-
-def _straightened(t: FloatArray) -> tuple[FloatArray, str] | None:
-    """Return the instants of uniform samples whose stamps were rounded, or ``None`` where they are something else.
-
-    Rounding makes longer and shorter steps alternate regularly and keeps within half a decimal of a line, wherever one looks;
-    over a whole run a controller's clock may drift by some decimals. A lost sample does neither.
-    """
-    if t.size < FEWEST:
-        return None
-    step = np.diff(t)
-    Ts = float(np.median(step))
-    if float(np.max(np.abs(step - Ts))) <= JITTER * Ts:
-        return None
-    decimal = _resolution(t)
-    period = float(t[-1] - t[0]) / (t.size - 1)
-    spacing = np.diff(np.flatnonzero(np.abs(step - Ts) > 0.5 * decimal))
-    if not 0.0 < decimal <= COARSEST * period or spacing.size < FEWEST_STEPS:
-        return None
-    if np.max(spacing) > 1.5 * np.min(spacing) + 2:
-        return None
-    blocks = t[: t.size // BLOCK * BLOCK].reshape(-1, BLOCK) if t.size >= BLOCK else t[None]
-    if _off_line(blocks) > 0.55 * decimal or _off_line(t[None]) > DRIFT * decimal:
-        return None
-    note = f"time stamps rounded to {decimal:g} s, uniform at {period:.6g} s by span over samples"
-    return t[0] + period * np.arange(t.size), note
-
-
-def _off_line(t: FloatArray) -> float:
-    """Return by how much stamps miss the line through each row of them [s], ndarray, shape (rows, n)."""
-    count = np.arange(t.shape[1]) - 0.5 * (t.shape[1] - 1)
-    off = t - t.mean(axis=1, keepdims=True)
-    off -= (off @ count / (count @ count))[:, None] * count
-    return float(np.max(np.abs(off)))
 
 
 def _sample_time(t: FloatArray, source: str) -> float:
@@ -345,15 +170,6 @@ def _regularity(t: FloatArray, Ts: float, gaps: BoolArray, source: str) -> tuple
         got = f"{t.size} samples in {float(t[-1] - t[0]):.4g} s at {mean:.3g} s"
         raise broken(source, "time", rule, got, "Write the sampling period in rig.toml: [rig] sample_time = 0.001.")
     return mean, resample, notes
-
-
-def _resolution(t: FloatArray) -> float:
-    """Return the decimal that the stamps are rounded to [s], or 0 where they are not rounded."""
-    for decimal in (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6):
-        scaled = t / decimal
-        if np.max(np.abs(scaled - np.round(scaled))) < 1e-4:
-            return decimal
-    return 0.0
 
 
 def spans(t: FloatArray, bad: BoolArray) -> list[tuple[float, float]]:
