@@ -25,7 +25,7 @@ Part = Literal["estimation", "report"]
 
 @dataclass(frozen=True)
 class Estimate:
-    """A parameter with its 95 % interval."""
+    """A parameter with its 95 % interval, which has no width where the parameter rests at a bound or was not fitted."""
 
     value: float
     ci95: tuple[float, float]
@@ -37,7 +37,9 @@ class Estimate:
         return Estimate(self.value / one, (self.ci95[0] / one, self.ci95[1] / one), units.name(self.unit))
 
     def __str__(self) -> str:
-        return f"{self.value:.3g} [{self.ci95[0]:.3g}, {self.ci95[1]:.3g}] {self.unit}".rstrip()
+        low, high = self.ci95
+        width = f"[{low:.3g}, {high:.3g}]" if low < high else "(no interval)"
+        return f"{self.value:.3g} {width} {'' if self.unit == '1' else self.unit}".rstrip()
 
 
 @dataclass(frozen=True)

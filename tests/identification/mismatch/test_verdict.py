@@ -170,3 +170,8 @@ def test_a_map_says_where_in_the_rigs_units():
     m = Map("cart_1", "v1", np.array([-20.0, 20.0]), np.array([0.05, -0.1]), np.array([0.01, 0.01]), 0.5, 0.07)
     assert m.sentence.endswith("it is largest, -0.1 V, at v1 = 20 mm/s")
     assert m.of_rig(RIG).sentence.endswith("it is largest, -100 mV, at v1 = 0.02 m/s")
+
+
+def test_a_parameter_at_its_bound_is_not_said_to_be_known_exactly():
+    assert str(Estimate(1.0, (1.0, 1.0), "1")) == "1 (no interval)"
+    assert str(Estimate(0.036, (0.017, 0.054), "mm/V")) == "0.036 [0.017, 0.054] mm/V"
