@@ -15,7 +15,7 @@ from identification.mismatch.candidates.narrow_band import Line
 from identification.mismatch.candidates.phases import Phase
 from identification.mismatch.evaluate import Name, Table, evaluate, random_gains
 from identification.mismatch.fit import Fit, fit
-from identification.mismatch.generous import WORTH, generous
+from identification.mismatch.generous import WORTH, generous, ripples
 from identification.mismatch.linear import Linear, linearise
 from identification.mismatch.noise import Noise, damped, estimate, with_usual_forces
 from identification.mismatch.nuisance import Direction, directions, dry_level
@@ -209,8 +209,9 @@ class Selector:
                 if model is not whole:
                     found = (*directions(bench, model.values), *phases)
             near = model if len(model.names) > len(base.names) else base
-            left = generous(linear.around(near, noise))
-            noise = estimate(bench, near.values, left, found)
+            there = linear.around(near, noise)
+            left = generous(there)
+            noise = estimate(bench, near.values, left, (*found, *ripples(there, left)))
             noise, first = first_draws(bench, base.values, noise, found, left, seed)
             base = fit(bench, noise, base.values, base.names)
             linear = linear.around(base, noise)

@@ -43,6 +43,9 @@ class Settings:
     again
         Log-likelihood that a fit gains, from which on the noise is estimated again around it: unknown forces take over what a
         model lacks, and hide it. Best fits to data that lack nothing gain about 10.
+    ripple
+        Log-likelihood that a ripple with a phase of its own in every run gains, from which on the noise is told beside it: the
+        best of a grid of periods gains a few units where there is none.
     far
         Share of the signal's variance that a simulation misses, beyond which the equation error proposes candidates, too [1].
     generous
@@ -78,6 +81,7 @@ class Settings:
     finished: int = 6
     large: float = 0.2
     again: float = 20.0
+    ripple: float = 10.0
     far: float = 0.05
     generous: int = 6
     draws: int = 480
