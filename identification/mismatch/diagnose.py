@@ -23,6 +23,7 @@ from identification.mismatch.candidates.catalogue import Candidate
 from identification.mismatch.candidates.phases import Phase
 from identification.mismatch.covariance import uncertainty
 from identification.mismatch.errors import loop_fits, recording_fits, total, velocity_rms
+from identification.mismatch.finding import Estimate, Finding, Named, Unnamed, experiment_for, short, unit_of
 from identification.mismatch.fit import Fit
 from identification.mismatch.homogeneity import Homogeneity, homogeneity
 from identification.mismatch.levels import output_error
@@ -34,19 +35,7 @@ from identification.mismatch.select import Selection, Selector
 from identification.mismatch.settings import Settings
 from identification.mismatch.split import Split, split_recordings
 from identification.mismatch.unnamed import share_of, unnamed
-from identification.mismatch.verdict import (
-    Diagnosis,
-    Estimate,
-    Finding,
-    Named,
-    RecordingFit,
-    Unnamed,
-    Verdict,
-    experiment_for,
-    in_units,
-    short,
-    unit_of,
-)
+from identification.mismatch.verdict import Diagnosis, RecordingFit, Verdict, in_units
 from identification.recordings import RecordingSet, Rig
 from identification.recordings.given import Source, given
 from identification.run_to_run import friction_run_to_run, recorded_range

@@ -7,10 +7,10 @@ import numpy as np
 from identification.mismatch.bench import Bench
 from identification.mismatch.candidates.free import Shape
 from identification.mismatch.candidates.narrow_band import Line
+from identification.mismatch.finding import Curve, Unnamed
 from identification.mismatch.ranking import Round, Scored
 from identification.mismatch.score import Normal
 from identification.mismatch.select import Selection
-from identification.mismatch.verdict import Curve, Unnamed
 
 _WORDS = {
     "deflection": ("the deflection of the spring", "mm"),

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
     from flexdrive_gym import Recording
     from flexdrive_gym.recording import BoolArray, FloatArray
+    from identification.mismatch.finding import Curve
     from identification.mismatch.maps import Map
     from identification.mismatch.missing_force import MissingForce
-    from identification.mismatch.verdict import Curve
 
 _BEFORE = "#a4541c"
 _AFTER = "#1f5a99"

@@ -5,8 +5,9 @@ import pandas as pd
 import pytest
 
 from flexdrive_gym import Drive
+from identification.mismatch.finding import Finding, Named
 from identification.mismatch.suggest import COMMAND_LIMIT_V, TRAVEL_MM, command, suggest_experiments, write_suggestions
-from identification.mismatch.verdict import Finding, Named, RecordingFit
+from identification.mismatch.verdict import RecordingFit
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import diagnosis
 

@@ -14,19 +14,10 @@ from baselines.report import words
 from baselines.report.diagnosis import _tiles, shown_recording
 from flexdrive_gym.recording import Fault
 from flexdrive_gym.units import Units
+from identification.mismatch.finding import Curve, Estimate, Finding, Named, Unnamed
 from identification.mismatch.homogeneity import Homogeneity
 from identification.mismatch.maps import Located, Map
-from identification.mismatch.verdict import (
-    Curve,
-    Estimate,
-    Finding,
-    Interval,
-    Named,
-    Prediction,
-    RecordingFit,
-    Unnamed,
-    in_units,
-)
+from identification.mismatch.verdict import Interval, Prediction, RecordingFit, in_units
 from identification.quantities import Quantity
 from tests.identification.mismatch.lab import diagnosis
 
