@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from baselines.report import words
-from baselines.report.diagnosis import _tiles, shown_recording
+from baselines.report.diagnosis import _tiles
+from baselines.report.diagnosis_pictures import shown_recording
 from flexdrive_gym.recording import Fault
 from flexdrive_gym.units import Units
 from identification.mismatch.finding import Curve, Estimate, Finding, Named, Unnamed
