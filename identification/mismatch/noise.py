@@ -52,7 +52,7 @@ _EVALUATIONS, _RESOLVED = 120, 0.02
 # share of the unknown forces in recordings of a cart that hardly moves
 _STILL = 1e-3
 # steps of expectation maximisation
-_MAXIMISATIONS = 20
+_MAXIMISATIONS = 6
 # rows over which a scatter is smoothed: 15 ms, the time of a slip
 _NEIGHBOURS = 3
 # innovation that one row of a normal data set of 40,000 reaches
@@ -234,7 +234,9 @@ def estimate(bench: Bench, values: Values, residual: FloatArray, found: Sequence
             break
         D = np.column_stack([d.change * d.size for d in found])
         white = noise.innovations(np.column_stack([D, residual]), bench.pool.map)
-        amplitude, scale = _varied(bench, white, found, scale)
+        for _ in range(_MAXIMISATIONS):
+            amplitude, variance = _amplitudes(bench, white, found, scale)
+            scale = _scales(amplitude, variance, found)
         if turn == 0:
             rest = residual - np.concatenate([D[rows] @ a for rows, a in zip(bench.rows, amplitude, strict=True)])
         else:
@@ -309,31 +311,27 @@ def _own(bench: Bench, noise: Noise, rest: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.clip(share * square + (1.0 - share), 0.1, 10.0)))
 
 
-def _varied(
+def _amplitudes(
     bench: Bench, white: FloatArray, found: Sequence[Direction], scale: Mapping[str, float]
-) -> tuple[FloatArray, dict[str, float]]:
-    """Return the most probable amplitudes of every recording, shape (R, k), and the groups' standard deviations.
+) -> tuple[FloatArray, FloatArray]:
+    """Return the most probable amplitudes of every recording and their variances, relative to the prior, shape (R, k)."""
+    prior = np.diag([scale[d.group] ** -2.0 for d in found])
+    mean, variance = [], []
+    for rows in bench.rows:
+        D, e = white[rows, :-1], white[rows, -1]
+        covariance = np.linalg.inv(D.T @ D + prior)
+        mean.append(covariance @ (D.T @ e))
+        variance.append(np.diag(covariance))
+    return np.array(mean), np.array(variance)
 
-    By expectation maximisation. Amplitudes are relative to prior ones, around a mean that all recordings share: what they
-    share is physics. Without it recordings that tell nothing of a direction, whose amplitude is then none, would make what the
-    others share pass for a difference between them. That the mean is estimated is allowed for (H. D. Patterson, R. Thompson,
-    Biometrika 58, 1971).
-    """
+
+def _scales(mean: FloatArray, variance: FloatArray, found: Sequence[Direction]) -> dict[str, float]:
+    """Return the groups' standard deviations, one step of expectation maximisation; what all recordings share is physics."""
+    own = np.var(mean, axis=0) + variance.mean(axis=0)
+    groups = sorted({d.group for d in found})
+    square = {g: float(np.mean([o for o, d in zip(own, found, strict=True) if d.group == g])) for g in groups}
     limits = {d.group: (d.least, d.most) for d in found}
-    products = [(white[rows, :-1].T @ white[rows, :-1], white[rows, :-1].T @ white[rows, -1]) for rows in bench.rows]
-    scale, shared = dict(scale), np.zeros(len(found))
-    for _ in range(_MAXIMISATIONS):
-        variance = np.array([scale[d.group] ** 2 for d in found])
-        spread = [np.linalg.inv(H + np.diag(1.0 / variance)) for H, _ in products]
-        mean = np.array([C @ (g + shared / variance) for C, (_, g) in zip(spread, products, strict=True)])
-        shared = mean.mean(axis=0)
-        left = np.array([np.diag(C) for C in spread])
-        told = np.maximum(1.0 - left / variance, 0.0)
-        own = np.mean((mean - shared) ** 2 + left + told**2 * variance / np.maximum(told.sum(axis=0), 1e-12), axis=0)
-        for group, bounds in limits.items():
-            square = np.mean([o for o, d in zip(own, found, strict=True) if d.group == group])
-            scale[group] = float(np.clip(np.sqrt(square), *bounds))
-    return mean, scale
+    return {g: float(np.clip(np.sqrt(s), *limits[g])) for g, s in square.items()}
 
 
 def _modes(bench: Bench, white: FloatArray, found: Sequence[Direction], scale: Mapping[str, float]) -> list[FloatArray]:

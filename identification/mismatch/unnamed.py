@@ -20,16 +20,6 @@ _WORDS = {
     **{f"place {c}": (f"the place of cart {c} along the track", "mm") for c in (1, 2)},
     **{f"time since cart {c} reversed": (f"the time since cart {c} reversed, against its motion", "s") for c in (1, 2)},
     **{f"size of the command, as friction {c}": ("the size of the command, against the motion", "V") for c in (1, 2)},
-    **{
-        f"{what} of the experiment, {as_} {c}": (f"the {what} of the experiment{how}", unit)
-        for what, unit in (("amplitude", "V"), ("frequency", "Hz"), ("kind", ""), ("time of day", "s"))
-        for as_, how in (
-            ("as friction", ", against the motion"),
-            ("as viscous friction", ", in proportion to the velocity"),
-            ("as a force on cart", ""),
-        )
-        for c in (1, 2)
-    },
 }
 _NEAREST = 3
 

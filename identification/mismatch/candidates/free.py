@@ -17,8 +17,6 @@ from identification.replay.output_error import simulate_run
 KNOTS = 7
 # share of samples beyond the outer knots: a spline says nothing where nobody was
 _TAIL = 1.0
-# what is done to a whole recording has no bends, and differs by more than a command's part of a period makes it differ
-_ENDS, _DIFFERENT = 2, 0.05
 # friction that remembers a reversal has forgotten it after this [s]
 _LATE_S = 0.5
 
@@ -33,8 +31,8 @@ class Shape:
         ``cart_1``, ``cart_2`` or ``spring``.
     variable
         In words.
-    at : ndarray, shape (knots,)
-        In the variable's unit.
+    at : ndarray, shape (KNOTS,)
+        Knots in the variable's unit.
     forces
         Functions from a recording's number to the force of one knot, ndarray, shape (2, n).
     size
@@ -62,11 +60,10 @@ def shapes(bench: Bench, values: Values, size: float) -> list[Shape]:
     """Return the free functions that the recordings can tell.
 
     Forces on each cart as functions of command, time, place and its velocity; friction of each cart as functions of the
-    command's size and of the time since the cart reversed; the spring's force as a function of its deflection. What differs
-    between runs, dry and viscous friction and a constant force, is held against what was done in them: amplitude, frequency and
-    kind of the command, and the time of day, for what follows the experiment is physics and no noise. Variables are those of the
-    simulation. A force that followed the measured motion would drag the simulation along with it, as an observer does, and
-    explain whatever was measured.
+    command's size
+    and of the time since the cart reversed; the spring's force as a function of its deflection. Their variables are those of the
+    simulation. A force that followed the measured motion would drag the simulation along with it, as an observer does,
+    and explain whatever was measured.
     """
     found = []
     for signal in _signals(bench, values):
@@ -74,9 +71,9 @@ def shapes(bench: Bench, values: Values, size: float) -> list[Shape]:
         low, high = np.percentile(both, [_TAIL, 100.0 - _TAIL])
         if not high > low:
             continue
-        at = np.linspace(low, high, signal.knots)
+        at = np.linspace(low, high, KNOTS)
         for where in signal.places:
-            forces = tuple(partial(_hat, signal, at, k, where) for k in range(signal.knots))
+            forces = tuple(partial(_hat, signal, at, k, where) for k in range(KNOTS))
             found.append(Shape(where, signal.variable, at, forces, size))
     return found
 
@@ -89,7 +86,6 @@ class _Signal:
     rows: list[FloatArray]
     places: tuple[str, ...]
     against: list[FloatArray] | None = None
-    knots: int = KNOTS
 
 
 def _signals(bench: Bench, values: Values) -> list[_Signal]:
@@ -97,7 +93,6 @@ def _signals(bench: Bench, values: Values) -> list[_Signal]:
     times = [run.sample_time * np.arange(len(run.u), dtype=np.float64) for run in bench.runs]
     found = [_Signal("command", [run.u for run in bench.runs], carts), _Signal("time", times, carts)]
     motion = [simulate_run(values, replace(free(run), positions=True)) for run in bench.runs]
-    done = _done(bench)
     for c, cart in enumerate(carts):
         x = [y[c] for y in motion]
         speed = [
@@ -115,44 +110,9 @@ def _signals(bench: Bench, values: Values) -> list[_Signal]:
                 f"size of the command, as friction {c + 1}", [np.abs(run.u) for run in bench.runs], (cart,), against
             )
         )
-        fastest = max(float(np.sqrt(np.mean(np.concatenate(speed) ** 2))), 1e-300)
-        found += [
-            _Signal(f"{what} of the experiment, {as_} {c + 1}", rows, (cart,), shape, _ENDS)
-            for what, rows in done.items()
-            for as_, shape in (
-                ("as friction", against),
-                ("as viscous friction", [-v / fastest for v in speed]),
-                ("as a force on cart", None),
-            )
-        ]
     if bench.carts == 2:
         found.append(_Signal("deflection", [x[0] - x[1] for x in motion], ("spring",)))
     return found
-
-
-def _done(bench: Bench) -> dict[str, list[FloatArray]]:
-    """Return what was done in every recording, of which it has one value."""
-    runs, recordings = bench.runs, bench.recordings
-    kinds = [r.excitation.kind for r in recordings]
-    first = min((r.recorded for r in recordings if r.recorded is not None), default=None)
-    values = {
-        "amplitude": [float(np.sqrt(np.mean(run.u**2))) for run in runs],
-        "frequency": [_frequency(run.u, run.sample_time) for run in runs],
-        "kind": [float(kind == max(kinds, key=kinds.count)) for kind in kinds],
-    }
-    if first is not None and all(r.recorded is not None for r in recordings):
-        values["time of day"] = [(r.recorded - first).total_seconds() for r in recordings if r.recorded is not None]
-    return {
-        what: [np.full(len(run.u), v) for run, v in zip(runs, own, strict=True)]
-        for what, own in values.items()
-        if max(own) - min(own) > _DIFFERENT * max(own)
-    }
-
-
-def _frequency(u: FloatArray, h: float) -> float:
-    """Return how often a command goes through its mean, in periods [Hz]."""
-    above = u > np.mean(u)
-    return float(np.sum(above[1:] != above[:-1]) / (2.0 * h * len(u)))
 
 
 def _since_change(direction: FloatArray) -> FloatArray:

@@ -1,19 +1,15 @@
 """Ripples and oscillations with a phase of their own in every recording are found; a ground spring is no ripple."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from identification.mismatch.candidates.catalogue import Candidate
-from identification.mismatch.candidates.free import shapes
 from identification.mismatch.candidates.narrow_band import lines
 from identification.mismatch.candidates.phases import phases
 from identification.mismatch.evaluate import evaluate
 from identification.mismatch.fit import fit
 from identification.mismatch.linear import linearise
-from identification.mismatch.noise import estimate, first_noise
-from identification.topology import TWO_CARTS
+from identification.mismatch.noise import estimate
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import bench_of, data_set
 
@@ -72,23 +68,3 @@ def test_ripples_are_as_long_as_the_longest_way():
         way = max(float(np.ptp(run.track[0])) for run in bench.runs)
         longest = max(p.period for p, _ in phases(bench, RIG) if p.name == ("cogging", "drivetrain"))
         assert longest > 0.8 * way
-
-
-def test_friction_that_follows_the_frequency_of_the_experiment_is_no_noise():
-    frequencies = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
-    drives = [{**RIG, "d2": RIG["d2"] * (1.0 + 0.25 * f)} for f in frequencies]
-    recordings = [
-        r for f, rig in zip(frequencies, drives, strict=True) for r in data_set(kinds=[("sine", 2.5, f)], rig=rig)
-    ]
-    recordings = [replace(r, name=f"run {i}") for i, r in enumerate(recordings)]
-    with bench_of(recordings) as bench:
-        noise = first_noise(bench, RIG)
-        base = fit(bench, noise, RIG, TWO_CARTS.free)
-        linear = linearise(bench, noise, base, (), shapes(bench, base.values, 0.02))
-        gain = evaluate(linear, linear.residual[:, None]).total
-    followers = {n: float(g[0]) for n, g in gain.items() if "of the experiment" in n[0]}
-    assert {n[0].split()[3] for n in followers} == {"frequency"}
-    assert max(followers, key=lambda n: followers[n]) == (
-        "free function of frequency of the experiment, as friction 2",
-        "cart_2",
-    )
