@@ -34,6 +34,8 @@ from identification.mismatch.experiments import IntArray
 STATES = 8
 # time in which a deviation of a cart at rest ends [s]
 _STOPS_S = 0.005
+# decays per step beyond which a drive is no stiffer
+_STIFF = 20.0
 # variance of a position that nothing is known of, in variances of its rounding
 _UNKNOWN = 1e8
 
@@ -61,8 +63,10 @@ def transitions(
 def _transition(
     values: Mapping[str, float], h: float, q: FloatArray, s: FloatArray, tau: float, rests: tuple[bool, bool]
 ) -> tuple[FloatArray, FloatArray]:
-    m1, b1 = values["m1"], values.get("b1", 0.0)
-    m2, b2, k = values.get("m2", m1), values.get("b2", 0.0), values.get("k", 0.0)
+    b1, b2, k = (values.get(name, 0.0) for name in ("b1", "b2", "k"))
+    # an exponential has a largest number, and a velocity that decays in a twentieth of a step is as good as gone
+    m1 = max(values["m1"], b1 * h / _STIFF)
+    m2 = max(values.get("m2", m1), b2 * h / _STIFF)
     F, L = np.zeros((STATES, STATES)), np.zeros((STATES, STATES))
     F[0, 1] = F[2, 3] = 1.0
     F[1, :6] = [-k / m1, -b1 / m1, k / m1, 0.0, 1.0 / m1, 0.0]

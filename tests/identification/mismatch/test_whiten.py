@@ -97,3 +97,13 @@ def test_one_column_is_whitened_as_it_is_among_others(step):
     rows = rng.normal(size=(2, n, 3))
     own = Filter.of(A, Q, mode, start, np.full(2, RHO), valid, step)
     assert own.white(rows[..., :1])[..., 0] == pytest.approx(own.white(rows)[..., 0], rel=1e-9, abs=1e-9)
+
+
+def test_a_drive_without_inertia_follows_its_force():
+    """A velocity of a decay far below a step is force over viscous friction; the exponential of it must not overflow."""
+    h, force = 0.005, 2.0
+    A, Q = transitions({"m1": 1e-9, "b1": 0.01}, h, np.array([0.01, 0.01]), np.array([0.1, 0.1]), 0.3)
+    assert np.isfinite(A).all()
+    assert np.isfinite(Q).all()
+    moved = A[0] @ [0.0, 0.0, 0.0, 0.0, force, 0.0, 0.0, 0.0]
+    assert moved[0] == pytest.approx(force / 0.01 * h, rel=0.06)
