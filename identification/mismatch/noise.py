@@ -221,6 +221,11 @@ def estimate(bench: Bench, values: Values, residual: FloatArray, found: Sequence
         Raw rows of a generous model: one that lacks nothing that could be named.
     found
         Run-to-run variability around it.
+
+    Raises
+    ------
+    ValueError
+        If no likelihood can be computed: whatever followed from that would be meaningless.
     """
     level, rest = _level(bench, values), residual
     scale = {d.group: 1.0 for d in found}
@@ -228,6 +233,12 @@ def estimate(bench: Bench, values: Values, residual: FloatArray, found: Sequence
     noise = first_noise(bench, values)
     for turn in range(2 if found else 1):
         theta, cost = _most_likely(bench, values, level, rest, own, theta)
+        if not np.isfinite(cost):
+            drive = ", ".join(f"{n} = {v:.3g}" for n, v in values.items())
+            raise ValueError(
+                f"recordings: their likelihood must be a number; got {cost:g} around a drive with {drive}. See what "
+                "their units are taken for: flexdrive check."
+            )
         own = _own(bench, Noise(bench, dict(values), Forces.of(theta, *level), np.ones(len(own))), rest)
         noise = Noise(bench, dict(values), Forces.of(theta, *level), own, scale, cost=cost)
         if not found:

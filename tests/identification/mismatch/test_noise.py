@@ -47,3 +47,8 @@ def test_recordings_whitened_side_by_side_are_the_same(bench):
     with ThreadPoolExecutor(2) as pool:
         np.testing.assert_array_equal(noise.white(x, pool.map), noise.white(x))
     np.testing.assert_array_equal(noise.white(x[:, 0]), noise.white(x)[:, 0])
+
+
+def test_a_likelihood_that_is_no_number_is_an_error(bench):
+    with pytest.raises(ValueError, match="recordings: their likelihood must be a number; got nan"):
+        estimate(bench, RIG, np.full(len(bench.valid), np.nan), ())
