@@ -19,7 +19,8 @@ from flexdrive_gym.drive.drive import Drive
 from flexdrive_gym.drive.linear import LinearDrive
 from flexdrive_gym.fleet import MOST_SPARE, NEVER, Fleet, Outputs, counts_references
 from flexdrive_gym.info import Unread, unread
-from flexdrive_gym.task import Task, check_arguments, start_state
+from flexdrive_gym.start import start_state
+from flexdrive_gym.task import Task, check_arguments
 
 if TYPE_CHECKING:
     from gymnasium.envs.registration import EnvSpec

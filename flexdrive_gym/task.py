@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
-from difflib import get_close_matches
 from math import inf, isfinite
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
+from flexdrive_gym.checks import as_mapping, check_member, check_positive, did_you_mean, is_number
 from flexdrive_gym.drive import parameters
 from flexdrive_gym.drive.default import DEFAULT_DRIVE, HANDOUT_LIMIT_V
 from flexdrive_gym.drive.drive import Drive
@@ -119,14 +119,14 @@ class Task:
     normalise: bool = False
 
     def __post_init__(self) -> None:
-        _member("sensing", self.sensing, SENSINGS)
+        check_member("sensing", self.sensing, SENSINGS)
         for name in ("control_period", "physics_step", "duration", "travel_limit", "stroke_limit"):
-            _positive(name, getattr(self, name))
+            check_positive(name, getattr(self, name))
         if self.voltage_limit is not None:
-            _positive("voltage_limit", self.voltage_limit)
+            check_positive("voltage_limit", self.voltage_limit)
         for name in ("noise", "quantum", "velocity_cutoff", "sensor_delay"):
             value = getattr(self, name)
-            if value is not None and not (_is_number(value) and 0.0 <= value < inf):
+            if value is not None and not (is_number(value) and 0.0 <= value < inf):
                 raise ValueError(f"{name}: must be a number of at least 0; got {value!r}.")
         ratio = self.control_period / self.physics_step
         if abs(ratio - round(ratio)) > 1e-6 * ratio or round(ratio) < 1:
@@ -149,7 +149,7 @@ class Task:
                 f"preview: must be a list of times ahead [s], () for none; got {given!r}. Try preview=(0.02, 0.05)."
             )
         object.__setattr__(self, "preview", tuple(given))
-        if not all(_is_number(a) and 0.0 <= a <= 10.0 for a in self.preview):
+        if not all(is_number(a) and 0.0 <= a <= 10.0 for a in self.preview):
             raise ValueError(f"preview: must be times ahead between 0 and 10 s; got {self.preview!r}.")
         object.__setattr__(self, "rig", self._rig())
         object.__setattr__(self, "weights", self._weights())
@@ -219,7 +219,7 @@ class Task:
             rig = load_drive(self.drive)
         else:
             raise TypeError(f"drive: must be a Drive or the path of a drive.toml; got {type(self.drive).__name__}.")
-        changes = _mapping("effects", self.effects, "{'input_delay.tau': 0.002}")
+        changes = as_mapping("effects", self.effects, "{'input_delay.tau': 0.002}")
         for i in range(1, rig.carts + 1):
             if self.quantum is not None:
                 changes[f"encoder_quantisation.encoder_{i}.quantum"] = self.quantum
@@ -236,10 +236,10 @@ class Task:
             raise ValueError(f"effects: {error.args[0]}") from error
 
     def _weights(self) -> dict[str, float]:
-        given = _mapping("reward", self.reward, "{'effort': 0.1}")
+        given = as_mapping("reward", self.reward, "{'effort': 0.1}")
         for name, value in given.items():
-            _member("reward", name, DEFAULT_REWARD)
-            if not _is_number(value) or not 0.0 <= value < inf:
+            check_member("reward", name, DEFAULT_REWARD)
+            if not is_number(value) or not 0.0 <= value < inf:
                 raise ValueError(f"reward: the weight of {name} must be a number of at least 0; got {value!r}.")
         return {**DEFAULT_REWARD, **{k: float(v) for k, v in given.items()}}
 
@@ -248,12 +248,12 @@ class Task:
             return Randomisation()
         if isinstance(self.randomise, str):
             return self._identified()
-        ranges = _mapping("randomise", self.randomise, "'identified' or {'m1': (6e-4, 9e-4)}")
+        ranges = as_mapping("randomise", self.randomise, "'identified' or {'m1': (6e-4, 9e-4)}")
         names = tuple(ranges)
         for name, bounds in ranges.items():
             spec = _specification("randomise", name)
             listed = isinstance(bounds, tuple | list) or (isinstance(bounds, np.ndarray) and bounds.ndim == 1)
-            pair = listed and len(bounds) == 2 and all(map(_is_number, bounds))
+            pair = listed and len(bounds) == 2 and all(map(is_number, bounds))
             if not pair or not spec.lower <= bounds[0] <= bounds[1] <= spec.upper:
                 raise ValueError(
                     f"randomise: {name} must be (low, high) within [{spec.lower:g}, {spec.upper:g}] {spec.unit}; got {bounds!r}."
@@ -299,104 +299,14 @@ class Task:
         return table
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float | np.number) and not isinstance(value, bool) and bool(np.isfinite(value))
-
-
-def _positive(name: str, value: Any) -> None:
-    if not _is_number(value) or not value > 0.0:
-        raise ValueError(f"{name}: must be a positive number; got {value!r}.")
-
-
-def _member(name: str, value: Any, allowed: Mapping[str, Any]) -> None:
-    if not isinstance(value, str) or value not in allowed:
-        raise ValueError(f"{name}: must be among {', '.join(allowed)}; got {value!r}.{_near(str(value), allowed)}")
-
-
-def _near(value: str, allowed: Iterable[str]) -> str:
-    near = get_close_matches(value, list(allowed), n=1)
-    return f" Did you mean {near[0]!r}?" if near else ""
-
-
-def _mapping(name: str, value: Any, example: str) -> dict[str, Any]:
-    """Return a dictionary by names, or say what was given instead."""
-    if value is None:
-        return {}
-    if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
-        raise TypeError(f"{name}: must be a mapping from names to values; got {value!r}. Try {name}={example}.")
-    return dict(value)
-
-
 def check_arguments(given: Iterable[str], own: Iterable[str]) -> None:
     """Refuse arguments that neither a :class:`Task` nor the environment itself (its ``own``) has, with the nearest name."""
     known = [*(f.name for f in fields(Task) if f.init), *own]
     for name in given:
         if name not in known:
             raise TypeError(
-                f"{name}: the environment has no such argument; it has {', '.join(known)}.{_near(name, known)}"
+                f"{name}: the environment has no such argument; it has {', '.join(known)}.{did_you_mean(name, known)}"
             )
-
-
-STATES = ("x1", "v1", "x2", "v2")
-
-
-def start_state(task: Task, options: Mapping[str, Any] | None, also: tuple[str, ...] = ()) -> tuple[float, ...]:
-    """Return the state x1, v1, x2, v2 [mm, mm/s] from which the ``options`` of a reset start.
-
-    Parameters
-    ----------
-    task
-        Whose carts and limits count.
-    options
-        ``state`` with all four, or any of ``x1``, ``v1``, ``x2``, ``v2``; those that are not given are 0.
-    also
-        Names of options that mean something else and are left alone.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For an unknown option, a value that is no finite number, or a start beyond a limit at which an episode ends.
-    """
-    if not options:
-        return 0.0, 0.0, 0.0, 0.0
-    given = _mapping("options", options, "{'x1': 10.0}")
-    carts = STATES if task.rig.carts == 2 else STATES[:2]
-    known = ("state", *carts, *also)
-    for name in given:
-        if name not in known:
-            raise ValueError(f"options: must be among {', '.join(known)}; got {name!r}.{_near(name, known)}")
-    if "state" in given and any(name in given for name in carts):
-        raise ValueError(f"options: give the whole state or single {', '.join(carts)}, not both; got {given!r}.")
-    if "state" in given:
-        whole = given["state"]
-        if np.shape(whole) != (4,) or not all(map(_is_number, whole)):
-            raise ValueError(
-                f"options: state must be four finite numbers x1, v1, x2, v2 [mm, mm/s]; got {whole!r}. Or give some by name: "
-                "{'x1': 10.0}."
-            )
-        values = dict(zip(STATES, map(float, whole), strict=True))
-    else:
-        for name in carts:
-            if not _is_number(given.get(name, 0.0)):
-                raise ValueError(f"options: {name} must be one finite number [mm, mm/s]; got {given[name]!r}.")
-        values = {name: float(given.get(name, 0.0)) for name in STATES}
-    _check_start(task, values)
-    return tuple(values.values())
-
-
-def _check_start(task: Task, at: Mapping[str, float]) -> None:
-    two = task.rig.carts == 2
-    for name in ("x1", "x2") if two else ("x1",):
-        if abs(at[name]) > task.travel_limit:
-            raise ValueError(
-                f"options: {name} must be within the travel of ±{task.travel_limit:g} mm, beyond which an episode ends; got "
-                f"{at[name]:g}."
-            )
-    if two and abs(at["x1"] - at["x2"]) > task.stroke_limit:
-        raise ValueError(
-            f"options: x1 - x2 must be within the spring's stroke of ±{task.stroke_limit:g} mm, beyond which an episode ends; "
-            f"got {at['x1'] - at['x2']:g}. Give x1 and x2."
-        )
 
 
 def _specification(argument: str, name: str) -> Any:

@@ -15,7 +15,8 @@ from gymnasium.vector.utils import batch_space
 from flexdrive_gym.environment import action_space, announce_compilation, frame_of, observation_space
 from flexdrive_gym.fleet import KEYS, Fleet, Outputs
 from flexdrive_gym.recording import BoolArray, FloatArray
-from flexdrive_gym.task import Task, check_arguments, start_state
+from flexdrive_gym.start import start_state
+from flexdrive_gym.task import Task, check_arguments
 
 if TYPE_CHECKING:
     from gymnasium.envs.registration import EnvSpec
