@@ -24,7 +24,7 @@ from identification.mismatch.candidates.phases import Phase
 from identification.mismatch.covariance import uncertainty
 from identification.mismatch.errors import loop_fits, recording_fits, total, velocity_rms
 from identification.mismatch.finding import Estimate, Finding, Named, Unnamed, experiment_for, short, unit_of
-from identification.mismatch.fit import Fit
+from identification.mismatch.fit import Fit, fit
 from identification.mismatch.homogeneity import Homogeneity, homogeneity
 from identification.mismatch.levels import output_error
 from identification.mismatch.maps import draw_maps, harmonics, located
@@ -225,14 +225,21 @@ class _Result:
         """Return the accepted candidates in their order, each from the drive that the one before left."""
         found, before = [], self.base
         for scored, step in self.selection.accepted:
-            after = before
-            if scored.fit is not None:
-                # the last one leaves the drive that is reported: from another start the same parameters would end elsewhere
-                last = set(scored.fit.names) == set(self.model.names)
-                after = self.model if last else output_error(self.bench, scored.fit, before)
+            after = before if scored.fit is None else self._left_by(scored.fit, step, before)
             found.append(self.finding(scored, step, drive, before, after))
             before = after
         return tuple(found)
+
+    def _left_by(self, found: Fit, step: Round, before: Fit) -> Fit:
+        """Return the drive that a finding leaves, without what was left out again when later ones had been found."""
+        names = [n for n in found.names if n in self.model.names]
+        if set(names) == set(self.model.names):
+            # the drive that is reported: from another start the same parameters would end elsewhere
+            return self.model
+        if len(names) < len(found.names):
+            values = {k: v for k, v in found.values.items() if k in names or k not in found.names}
+            found = fit(self.bench, step.noise, values, names)
+        return output_error(self.bench, found, before)
 
     def finding(self, scored: Scored, step: Round, drive: Drive, before: Fit, after: Fit) -> Finding:
         """Return an accepted candidate with what speaks for it."""

@@ -8,6 +8,8 @@ import pytest
 
 from flexdrive_gym import Excitation
 from identification.mismatch.diagnose import diagnose
+from identification.mismatch.fit import fit
+from identification.mismatch.select import Selector
 from identification.recordings import RecordingSet, Rig
 from tests.identification.mismatch.lab import QUICK, data_set
 
@@ -45,6 +47,23 @@ def test_findings_lead_from_the_base_model_to_the_reported_drive(effect):
     errors = [found.before_rms, *(f.report_rms_after for f in found.findings)]
     assert [f.report_rms_before for f in found.findings] == pytest.approx(errors[:-1])
     assert found.after_rms == pytest.approx(errors[-1])
+
+
+def test_what_was_left_out_again_is_in_no_finding(monkeypatch):
+    """A ground spring was found beside play that was left out later: the spring alone leads to the reported drive."""
+    chosen = Selector.run
+
+    def run(self):
+        selection = chosen(self)
+        ((scored, step),) = selection.accepted
+        play = "encoder_play.encoder_1.g"
+        more = fit(self.bench, step.noise, {**scored.fit.values, play: 0.01}, (*scored.fit.names, play), iterations=1)
+        return replace(selection, accepted=((replace(scored, fit=more), step),))
+
+    monkeypatch.setattr(Selector, "run", run)
+    found = diagnose(_runs("ground_spring"), settings=replace(QUICK, rounds=1), jobs=1)
+    (finding,) = found.findings
+    assert finding.report_rms_after == pytest.approx(found.after_rms)
 
 
 def test_a_rig_that_lacks_nothing_gets_no_name():
