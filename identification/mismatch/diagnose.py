@@ -19,7 +19,7 @@ from flexdrive_gym import Drive, Provenance, Recording, __version__
 from flexdrive_gym.drive.parameters import checked
 from identification.mismatch.baseline import fit_tied, ratios
 from identification.mismatch.bench import Bench
-from identification.mismatch.candidates.catalogue import Candidate
+from identification.mismatch.candidates.catalogue import Candidate, null_value
 from identification.mismatch.candidates.phases import Phase
 from identification.mismatch.covariance import uncertainty
 from identification.mismatch.errors import loop_fits, recording_fits, total, velocity_rms
@@ -30,6 +30,7 @@ from identification.mismatch.levels import output_error
 from identification.mismatch.maps import draw_maps, harmonics, located
 from identification.mismatch.missing_force import missing_force
 from identification.mismatch.notes import notes_of
+from identification.mismatch.optima import without
 from identification.mismatch.ranking import Round, Scored
 from identification.mismatch.select import Selection, Selector
 from identification.mismatch.settings import Settings
@@ -141,9 +142,29 @@ class _Result:
     def base(self) -> Fit:
         return output_error(self.bench, self.selection.first)
 
-    @cached_property
+    @property
     def model(self) -> Fit:
-        return output_error(self.bench, self.selection.model, self.base) if self.selection.accepted else self.base
+        return self._lasting[0]
+
+    @property
+    def accepted(self) -> list[tuple[Scored, Round]]:
+        """Accepted candidates, but for those that the last fit takes back to nothing: the reported drive has no such effect."""
+        return self._lasting[1]
+
+    @cached_property
+    def _lasting(self) -> tuple[Fit, list[tuple[Scored, Round]]]:
+        accepted, model = list(self.selection.accepted), self.selection.model
+        while accepted:
+            last = output_error(self.bench, model, self.base)
+            gone = next((s for s, _ in accepted if _is_nothing(s, last)), None)
+            if gone is None:
+                return last, accepted
+            assert isinstance(gone.candidate, Candidate)
+            accepted = [(s, step) for s, step in accepted if s is not gone]
+            names = [n for n in model.names if n not in gone.candidate.keys]
+            noise = self.selection.rounds[-1].noise
+            model = fit(self.bench, noise, without(gone.candidate, model.values, names), names)
+        return self.base, []
 
     @property
     def runs(self) -> Sequence[Recording]:
@@ -224,7 +245,7 @@ class _Result:
     def findings(self, drive: Drive) -> tuple[Finding, ...]:
         """Return the accepted candidates in their order, each from the drive that the one before left."""
         found, before = [], self.base
-        for scored, step in self.selection.accepted:
+        for scored, step in self.accepted:
             after = before if scored.fit is None else self._left_by(scored.fit, step, before)
             found.append(self.finding(scored, step, drive, before, after))
             before = after
@@ -270,6 +291,12 @@ def significance_of(step: Round) -> float:
     What is named may be another that predicts as well with fewer parameters.
     """
     return min(s.p for s in step.scored)
+
+
+def _is_nothing(scored: Scored, model: Fit) -> bool:
+    """Whether a model has an effect whose every size is null."""
+    own = scored.candidate
+    return isinstance(own, Candidate) and all(model.values[k] == null_value(k) for k, _ in own.sizes)
 
 
 def _estimates(scored: Scored, drive: Drive) -> dict[str, Estimate]:

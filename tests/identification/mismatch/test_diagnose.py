@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from flexdrive_gym import Excitation
+from identification.mismatch import diagnose as whole
 from identification.mismatch.diagnose import diagnose
 from identification.mismatch.fit import fit
 from identification.mismatch.select import Selector
@@ -64,6 +65,30 @@ def test_what_was_left_out_again_is_in_no_finding(monkeypatch):
     found = diagnose(_runs("ground_spring"), settings=replace(QUICK, rounds=1), jobs=1)
     (finding,) = found.findings
     assert finding.report_rms_after == pytest.approx(found.after_rms)
+
+
+def test_what_the_last_fit_takes_back_to_nothing_is_no_finding(monkeypatch):
+    """Play that the reported drive does not have was once a finding of 0 mm."""
+    chosen, judged = Selector.run, whole.output_error
+    play = "encoder_play.encoder_1.g"
+
+    def run(self):
+        selection = chosen(self)
+        ((scored, step),) = selection.accepted
+        candidate = next(c for c in self.candidates if c.name == ("encoder_play", "encoder_1"))
+        more = fit(self.bench, step.noise, {**scored.fit.values, play: 0.01}, (*scored.fit.names, play), iterations=1)
+        later = replace(scored, candidate=candidate, fit=more)
+        return replace(selection, model=more, accepted=((scored, step), (later, step)))
+
+    def output_error(bench, near, *others):
+        found = judged(bench, near, *others)
+        return replace(found, values={**found.values, play: 0.0}) if play in found.values else found
+
+    monkeypatch.setattr(Selector, "run", run)
+    monkeypatch.setattr(whole, "output_error", output_error)
+    found = diagnose(_runs("ground_spring"), settings=replace(QUICK, rounds=1), jobs=1)
+    assert [f.id for f in found.findings] == ["ground_spring"]
+    assert play not in found.drive.values
 
 
 def test_a_rig_that_lacks_nothing_gets_no_name():
