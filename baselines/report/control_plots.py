@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -278,6 +278,8 @@ def plot_robustness(comparison: Comparison, farthest: float = 1e3) -> Figure:
 
 MARKERS = "osD^vPX*"
 # Okabe and Ito's colours without the yellow, which is too pale for a marker
+# share of the largest vibration under which a controller is as good as still
+_CALM = 1e-4
 _SAFE = ("#000000", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#6b6b6b")
 
 
@@ -295,6 +297,8 @@ def plot_overview(results: Sequence[Result], named: Sequence[Result]) -> Figure:
     figure = new_figure(4.4)
     margin, vibration = figure.subplots(1, 2, sharey=True)
     margins = {r.entry.name: _gain_margin(r) for r in results}
+    # what vibrates less than this is calm, and zero has no logarithm
+    calm = _CALM * max((v for r in results if np.isfinite(v := r.nominal.vibration)), default=0.0)
     for r in sorted(results, key=lambda r: r in named):
         i = next((i for i, n in enumerate(named) if n is r), None)
         colour = "#b0b0b0" if i is None else _SAFE[i % len(_SAFE)]
@@ -305,7 +309,7 @@ def plot_overview(results: Sequence[Result], named: Sequence[Result]) -> Figure:
             "markersize": 3.5 if i is None else 8.0,
             "linestyle": "none",
         }
-        for axes, x in ((margin, margins[r.entry.name]), (vibration, r.nominal.vibration)):
+        for axes, x in ((margin, margins[r.entry.name]), (vibration, max(r.nominal.vibration, calm))):
             if np.isfinite(x) and np.isfinite(r.nominal.rms):
                 axes.plot(x, r.nominal.rms, **look_of)
         if i is not None:
@@ -313,10 +317,14 @@ def plot_overview(results: Sequence[Result], named: Sequence[Result]) -> Figure:
     vibration.plot([], [], "o", color="#b0b0b0", markersize=3.5, label="others")
     vibration.plot([], [], "o", color=COMMAND, markerfacecolor="none", markersize=5, label="hollow: does not settle")
     margin.set(xlabel="gain margin →", ylabel="rms $x_r - x_2$ [mm]")
-    vibration.set(xlabel="← vibration in the dwells [V mm]")
+    vibration.set(
+        xlabel=f"← vibration in the dwells [V mm], from {calm:.0e}" if calm else "vibration in the dwells [V mm]"
+    )
     margin.set_yscale("log")
-    for axes, values in ((margin, margins.values()), (vibration, [r.nominal.vibration for r in results])):
-        axes.set_xscale(**_logarithmic(values))
+    if any(np.isfinite(v) and v > 0.0 for v in margins.values()):
+        margin.set_xscale("log")
+    if calm:
+        vibration.set_xscale("log")
     for axis in (margin.yaxis, margin.xaxis):
         axis.set_major_formatter("{x:g}")
         if axis.get_scale() == "log":
@@ -326,15 +334,6 @@ def plot_overview(results: Sequence[Result], named: Sequence[Result]) -> Figure:
     margin.tick_params(axis="both", which="minor", labelsize=7)
     figure.legend(loc="outside lower center", ncols=5)
     return figure
-
-
-def _logarithmic(values: Iterable[float]) -> dict[str, Any]:
-    """Return the scale of an axis: logarithmic, linear below the least where something is zero, and linear for nothing else."""
-    shown = [v for v in values if np.isfinite(v)]
-    positive = [v for v in shown if v > 0.0]
-    if not positive:
-        return {"value": "linear"}
-    return {"value": "log"} if len(positive) == len(shown) else {"value": "symlog", "linthresh": min(positive)}
 
 
 def _gain_margin(result: Result) -> float:
