@@ -236,7 +236,7 @@ def test_a_column_of_unknown_unit_is_named_where_there_is_too_little(tmp_path):
 
 def test_benchmark_prints_what_it_writes(tmp_path):
     (tmp_path / "data").mkdir()
-    write_carriage(tmp_path / "data" / "train.csv", 18.0, seed=1)
+    write_carriage(tmp_path / "data" / "train.csv", 6.0, seed=1)
     lose(tmp_path / "data" / "train.csv", range(2000, 2005))
     result = flexdrive("benchmark", "emps", "--data", "data", "-o", "out", "--json", cwd=tmp_path)
     assert result.returncode == 0, result.stderr

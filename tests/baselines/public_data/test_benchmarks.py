@@ -70,6 +70,7 @@ def test_the_picture_shows_every_rung_and_the_published_levels(carriage):
     assert "mm" in axes.get_ylabel()
 
 
+@pytest.mark.slow
 def test_a_pulse_counter_on_a_belt_drive_is_recognised(tmp_path):
     for i in (1, 2):
         write_belt(tmp_path / f"uniform_{i}_train.csv", 400, seed=i, shift=0.5 * (i - 1))

@@ -14,6 +14,8 @@ from identification.mismatch.select import Selector
 from identification.recordings import RecordingSet, Rig
 from tests.identification.mismatch.lab import QUICK, data_set
 
+# what is asked here does not depend on how far many candidates are fitted
+ONE_ROUND = replace(QUICK, rounds=1, proposals=2, finished=1)
 EFFECTS = {
     "ground_spring": {"ground_spring.kg": 0.05},
     "input_delay": {"input_delay.tau": 0.006},
@@ -62,7 +64,7 @@ def test_what_was_left_out_again_is_in_no_finding(monkeypatch):
         return replace(selection, accepted=((replace(scored, fit=more), step),))
 
     monkeypatch.setattr(Selector, "run", run)
-    found = diagnose(_runs("ground_spring"), settings=replace(QUICK, rounds=1), jobs=1)
+    found = diagnose(_runs("ground_spring"), settings=ONE_ROUND, jobs=1)
     (finding,) = found.findings
     assert finding.report_rms_after == pytest.approx(found.after_rms)
 
@@ -86,7 +88,7 @@ def test_what_the_last_fit_takes_back_to_nothing_is_no_finding(monkeypatch):
 
     monkeypatch.setattr(Selector, "run", run)
     monkeypatch.setattr(whole, "output_error", output_error)
-    found = diagnose(_runs("ground_spring"), settings=replace(QUICK, rounds=1), jobs=1)
+    found = diagnose(_runs("ground_spring"), settings=ONE_ROUND, jobs=1)
     assert [f.id for f in found.findings] == ["ground_spring"]
     assert play not in found.drive.values
 
@@ -99,7 +101,7 @@ def test_a_rig_that_lacks_nothing_gets_no_name():
 
 def test_report_recordings_change_nothing_but_the_reported_errors():
     runs = [replace(r, excitation=Excitation("other")) for r in _runs("ground_spring")]
-    before = diagnose(runs, settings=QUICK, jobs=1)
+    before = diagnose(runs, settings=ONE_ROUND, jobs=1)
     (kept,) = before.split.report
     rng = np.random.default_rng(0)
     noisy = [
@@ -108,7 +110,7 @@ def test_report_recordings_change_nothing_but_the_reported_errors():
         else r
         for r in runs
     ]
-    after = diagnose(noisy, settings=QUICK, jobs=1)
+    after = diagnose(noisy, settings=ONE_ROUND, jobs=1)
     assert after.after_rms != before.after_rms
     for one, other in ((before.drive, after.drive), (before.base, after.base)):
         assert one.values == other.values
