@@ -10,17 +10,16 @@ import numpy as np
 from identification.mismatch.bench import Bench, Values
 from identification.mismatch.candidates.catalogue import Candidate
 from identification.mismatch.evaluate import Name
-from identification.mismatch.fit import Fit, Metric, fit, gain_of, resolved
+from identification.mismatch.fit import Fit, Metric, fit, resolved
 from identification.mismatch.generous import WORTH
 from identification.mismatch.noise import Noise, first_noise
 from identification.mismatch.ranking import Scored, tied
+from identification.mismatch.score import gains
 from identification.mismatch.start import base_starts
 from identification.topology import Topology
 
 # iterations of a first try from every start, and the share of a start's sizes that a second one has
 _TRY = 4
-# of many that compete, so many fits are carried to the end
-_ENDED = 2
 _SMALL = 0.1
 
 
@@ -51,27 +50,6 @@ def fit_candidates(
 ) -> dict[Name, tuple[Candidate, Fit]]:
     """Fit candidates, each from all its starts that a simulation resolves."""
     bench = base.bench
-    best = _tried(base, noise, jobs)
-    # those that are ahead, and those that the linear change puts first, however far their fits have to go
-    asked = list(dict.fromkeys(candidate.name for candidate, _ in jobs if candidate.name in best))
-    ahead = sorted(best, key=lambda n: best[n][1].cost)[: bench.settings.finished]
-    leading = list(dict.fromkeys([*ahead, *asked[: bench.settings.finished // 2]]))
-    ended = bench.pool.map(lambda f: fit(bench, noise, f.values, f.names, near=f), [best[n][1] for n in leading])
-    best |= {n: (best[n][0], f) for n, f in zip(leading, ended, strict=True)}
-    return best | _from_the_leader(base, noise, {n: best[n] for n in leading})
-
-
-def best_candidate(base: Fit, noise: Metric, jobs: Sequence[tuple[Candidate, Values]]) -> Fit:
-    """Return the model with the candidate that fits best, or without any."""
-    bench = base.bench
-    ahead = sorted((f for _, f in _tried(base, noise, jobs).values()), key=lambda f: f.cost)[:_ENDED]
-    ended = bench.pool.map(lambda f: fit(bench, noise, f.values, f.names, near=f), ahead)
-    return min(ended, key=lambda f: f.cost, default=base)
-
-
-def _tried(base: Fit, noise: Metric, jobs: Sequence[tuple[Candidate, Values]]) -> dict[Name, tuple[Candidate, Fit]]:
-    """Return the best first try of every candidate."""
-    bench = base.bench
     jobs = [job for job in jobs if resolved(job[1])]
     white = noise.white(base.residual)
     contained = float(white @ white)
@@ -91,7 +69,13 @@ def _tried(base: Fit, noise: Metric, jobs: Sequence[tuple[Candidate, Values]]) -
     for candidate, found in bench.pool.map(tried, jobs):
         if candidate.name not in best or found.cost < best[candidate.name][1].cost:
             best[candidate.name] = candidate, found
-    return best
+    # those that are ahead, and those that the linear change puts first, however far their fits have to go
+    asked = list(dict.fromkeys(candidate.name for candidate, _ in jobs))
+    ahead = sorted(best, key=lambda n: best[n][1].cost)[: bench.settings.finished]
+    leading = list(dict.fromkeys([*ahead, *asked[: bench.settings.finished // 2]]))
+    ended = bench.pool.map(lambda f: fit(bench, noise, f.values, f.names, near=f), [best[n][1] for n in leading])
+    best |= {n: (best[n][0], f) for n, f in zip(leading, ended, strict=True)}
+    return best | _from_the_leader(base, noise, {n: best[n] for n in leading})
 
 
 def _from_the_leader(
@@ -145,7 +129,8 @@ def pruned(base: Fit, noise: Noise, scored: Sequence[Scored], significant: Seque
         part = replace(whole, sizes=(size,))
         start = {k: v for k, v in best.fit.values.items() if k in part.keys or k not in whole.keys}
         smaller = fit(base.bench, noise, start, (*base.names, *part.keys))
-        own = replace(best, candidate=part, fit=smaller, gain=gain_of(base, smaller), size=len(part.keys))
+        gain = gains(base.normal, smaller.normal, base.bench.settings.damping)
+        own = replace(best, candidate=part, fit=smaller, gain=gain, size=len(part.keys))
         if tied(best, own):
             return [own if s is best else s for s in scored]
     return list(scored)

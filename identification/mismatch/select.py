@@ -14,15 +14,15 @@ from identification.mismatch.candidates.free import Shape, shapes
 from identification.mismatch.candidates.narrow_band import Line
 from identification.mismatch.candidates.phases import Phase
 from identification.mismatch.evaluate import Name, Table, evaluate, random_gains
-from identification.mismatch.fit import Fit, fit, gain_of
+from identification.mismatch.fit import Fit, fit
 from identification.mismatch.generous import WORTH, generous, ripples
 from identification.mismatch.linear import Linear, linearise
 from identification.mismatch.noise import Noise, damped, estimate, with_usual_forces
 from identification.mismatch.nuisance import Direction, directions, dry_level
 from identification.mismatch.null import Null, first_draws, null_of
-from identification.mismatch.optima import best_candidate, far, fit_base, fit_candidates, pruned, refit_base, without
+from identification.mismatch.optima import far, fit_base, fit_candidates, pruned, refit_base, without
 from identification.mismatch.ranking import MOST, Round, Scored, nameless, ranked, scores
-from identification.mismatch.score import shared
+from identification.mismatch.score import gains, trimmed
 from identification.mismatch.start import Start, candidate_starts, far_starts
 from identification.topology import Topology
 
@@ -162,7 +162,8 @@ class Selector:
 
     def _near(self, base: Fit, proposed: Sequence[Start]) -> Fit:
         """Return the model with the candidate that brings a simulation near that is far from the data: it tells what is noise."""
-        best = best_candidate(base, base.metric, [(c, {**base.values, **own}) for c, own in proposed])
+        fits = fit_candidates(base, base.metric, [(c, {**base.values, **own}) for c, own in proposed])
+        best = min((f for _, f in fits.values()), key=lambda f: f.cost, default=base)
         return best if best.cost < (1.0 - self.settings.large) * base.cost else base
 
     def _whole(self, base: Fit, last: Round) -> Fit:
@@ -291,7 +292,7 @@ class Selector:
             *candidate_starts(base, around, table, candidates, order, self.settings.proposals),
             *((c, {**base.values, **own}) for c, own in self._seen_far(base, candidates)),
         ]
-        best = best_candidate(base, quiet, jobs)
+        best = min((f for _, f in fit_candidates(base, quiet, jobs).values()), key=lambda f: f.cost, default=base)
         other = estimate(self.bench, best.values, best.residual, found)
         more = len(best.names) - len(model.names)
         return (best, other) if other.cost + WORTH * more < noise.cost else (model, noise)
@@ -325,7 +326,8 @@ class Selector:
             noise = damped(last.noise, [d for d in last.variability if d.group not in own])
             columns = noise.white(np.column_stack([d.change for d in scored.variability]))
             ((gain, _),) = random_gains(self.bench, columns, noise.white(model.residual)[:, None])
-            return last.null.p_value(scored.name, float(shared(gain[:, 0]))), model
+            return last.null.p_value(scored.name, float(trimmed(gain[:, 0]))), model
         names = [n for n in model.names if n not in scored.candidate.keys]
         less = fit(self.bench, last.noise, without(scored.candidate, model.values, names), names)
-        return last.null.p_value(scored.name, float(shared(gain_of(less, model)))), less
+        gain = gains(less.normal, model.normal, self.settings.damping)
+        return last.null.p_value(scored.name, float(trimmed(gain))), less
