@@ -277,9 +277,9 @@ def plot_robustness(comparison: Comparison, farthest: float = 1e3) -> Figure:
 
 
 MARKERS = "osD^vPX*"
-# Okabe and Ito's colours without the yellow, which is too pale for a marker
 # share of the largest vibration under which a controller is as good as still
 _CALM = 1e-4
+# Okabe and Ito's colours without the yellow, which is too pale for a marker
 _SAFE = ("#000000", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#6b6b6b")
 
 
@@ -318,7 +318,7 @@ def plot_overview(results: Sequence[Result], named: Sequence[Result]) -> Figure:
     vibration.plot([], [], "o", color=COMMAND, markerfacecolor="none", markersize=5, label="hollow: does not settle")
     margin.set(xlabel="gain margin →", ylabel="rms $x_r - x_2$ [mm]")
     vibration.set(
-        xlabel=f"← vibration in the dwells [V mm], from {calm:.0e}" if calm else "vibration in the dwells [V mm]"
+        xlabel=f"← vibration in the dwells [V mm], at least {calm:.0e}" if calm else "vibration in the dwells [V mm]"
     )
     margin.set_yscale("log")
     if any(np.isfinite(v) and v > 0.0 for v in margins.values()):

@@ -101,7 +101,7 @@ def test_a_rig_that_lacks_nothing_gets_no_name():
 
 def test_report_recordings_change_nothing_but_the_reported_errors():
     runs = [replace(r, excitation=Excitation("other")) for r in _runs("ground_spring")]
-    before = diagnose(runs, settings=ONE_ROUND, jobs=1)
+    before = diagnose(runs, settings=QUICK, jobs=1)
     (kept,) = before.split.report
     rng = np.random.default_rng(0)
     noisy = [
@@ -110,7 +110,7 @@ def test_report_recordings_change_nothing_but_the_reported_errors():
         else r
         for r in runs
     ]
-    after = diagnose(noisy, settings=ONE_ROUND, jobs=1)
+    after = diagnose(noisy, settings=QUICK, jobs=1)
     assert after.after_rms != before.after_rms
     for one, other in ((before.drive, after.drive), (before.base, after.base)):
         assert one.values == other.values
