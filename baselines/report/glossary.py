@@ -58,8 +58,8 @@ TERMS = (
         "p-value",
         r"p-values?",
         "How often the best candidate of the whole catalogue predicts other recordings as well in data of this "
-        "rig in which nothing is left out: the model's own simulation with the residuals of the recordings, "
-        "their signs drawn anew.",
+        "rig in which nothing is left out: simulations of the model under unknown forces, run-to-run variability "
+        "and encoder counts as large as the recordings show.",
     ),
     Term(
         "floor",
