@@ -14,7 +14,6 @@ from baselines.lab.experiments import open_loop
 from baselines.lab.sample import FOLDER
 from flexdrive_gym import Drive, load_drive, save_drive
 from identification import write_recording
-from tests.baselines.public_data.stand_ins import lose, write_carriage
 from tests.drive.drives import RIG
 from tests.each import each
 from tests.identification.mismatch.lab import KINDS, T, data_set
@@ -94,7 +93,6 @@ def test_a_missing_file_is_named_and_nothing_is_written(command, tmp_path):
         ("compare", ["drive.toml", "-o", "out", "-c", "p_x2,lab4", "-a", "none", "-r", "sine", "--no-effects"]),
         ("experiment", ["drive.toml", "-o", "out/day", "--frequency", "1", "--square", "1.5"]),
         ("export", ["drive.toml", "--to", "matlab", "-o", "out"]),
-        ("report", ["recordings", "-o", "out/report.html"]),
     ],
 )
 def test_json_is_one_object(folder, command, arguments):
@@ -232,23 +230,6 @@ def test_a_column_of_unknown_unit_is_named_where_there_is_too_little(tmp_path):
     assert result.returncode == 1
     assert "columns ignored: v1 [furlong/fortnight] (a)" in " ".join(result.stderr.split())
     assert [p.name for p in tmp_path.iterdir()] == ["a.csv"]
-
-
-def test_benchmark_prints_what_it_writes(tmp_path):
-    (tmp_path / "data").mkdir()
-    write_carriage(tmp_path / "data" / "train.csv", 6.0, seed=1)
-    lose(tmp_path / "data" / "train.csv", range(2000, 2005))
-    result = flexdrive("benchmark", "emps", "--data", "data", "-o", "out", "--json", cwd=tmp_path)
-    assert result.returncode == 0, result.stderr
-    found = json.loads(result.stdout)
-    assert found == json.loads((tmp_path / "out" / "benchmark.json").read_text(encoding="utf-8"))
-    assert {p.name for p in (tmp_path / "out").iterdir()} == {"ladder.png", "benchmark.json", "drive.toml"}
-    assert found["rule"] == {"window": 20, "unit": "mm", "metric": "rms of a free simulation"}
-    assert found["final"][0]["test"] == {"EMPS": None}
-    assert found["notes"] == []
-    lost = next(f for f in found["faults"] if f["id"] == "missing_samples")
-    assert (lost["recording"], lost["where"]) == ("train", "encoder_1")
-    assert (lost["start_s"], lost["end_s"]) == pytest.approx((2.0, 2.004))
 
 
 def test_rigs_that_are_absent_are_listed(tmp_path):

@@ -107,7 +107,7 @@ def test_gains_in_a_file_are_the_rigs(tmp_path):
     np.testing.assert_allclose(one.x2, two.x2, atol=1e-6)
 
 
-@pytest.mark.parametrize("command", ["design", "compare"])
+@pytest.mark.parametrize("command", ["design", pytest.param("compare", marks=pytest.mark.slow)])
 def test_commands_tell_no_unit_of_the_lab(command, files, tmp_path):
     quick = [
         "-c",

@@ -1,12 +1,17 @@
 """Benchmarks on stand-ins whose physics is known, and on the real data where they are."""
 
+import json
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from baselines import public_data
+from baselines.cli import app
+from baselines.cli._output import plain
 from baselines.cli.benchmark import Name
 from baselines.public_data import BENCHMARKS, run_benchmark
 from baselines.public_data.plot import draw_ladder
@@ -19,11 +24,27 @@ REAL = Path(__file__).parents[4] / "shared" / "recordings"
 
 
 @pytest.fixture(scope="module")
-def carriage(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("emps")
-    write_carriage(folder / "train.csv", 18.0, seed=1)
+def written(tmp_path_factory):
+    """A benchmark by its command: what it found, the folder that it wrote, and what it printed."""
+    folder, results = tmp_path_factory.mktemp("emps"), []
+    write_carriage(folder / "train.csv", 12.0, seed=1)
+    lose(folder / "train.csv", range(2000, 2005))
     write_carriage(folder / "test.csv", 6.0, seed=2)
-    return run_benchmark(BENCHMARKS["emps"], folder)
+
+    def run(*arguments, **options):
+        results.append(run_benchmark(*arguments, **options))
+        return results[0]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(public_data, "run_benchmark", run)
+        called = CliRunner().invoke(app, ["benchmark", "emps", "-d", str(folder), "-o", str(folder / "out"), "--json"])
+    assert called.exit_code == 0, called.output
+    return results[0], folder / "out", called.stdout
+
+
+@pytest.fixture(scope="module")
+def carriage(written):
+    return written[0]
 
 
 def names(result):
@@ -60,6 +81,23 @@ def test_friction_that_does_not_differ_makes_no_score(carriage):
     # the stand-in's friction is the same throughout, so what differs between its blocks is the fit's own uncertainty
     (low, middle, high) = carriage.friction["test"]
     assert 0.0 <= low <= middle <= high < 0.5
+
+
+def test_the_command_prints_what_it_writes(written):
+    result, folder, printed = written
+    found = json.loads(printed)
+    assert found == json.loads((folder / "benchmark.json").read_text(encoding="utf-8")) == plain(result.as_json())
+    assert {p.name for p in folder.iterdir()} == {"ladder.png", "benchmark.json", "drive.toml"}
+    assert found["rule"] == {"window": 20, "unit": "mm", "metric": "rms of a free simulation"}
+    assert found["notes"] == []
+    (lost,) = found["faults"]
+    assert (lost["id"], lost["recording"], lost["where"]) == ("missing_samples", "train", "encoder_1")
+    assert (lost["start_s"], lost["end_s"]) == pytest.approx((2.0, 2.004))
+
+
+def test_what_was_not_tested_has_no_score(carriage):
+    fitted = replace(carriage, scores=tuple(s for s in carriage.scores if s.part == "fitted"))
+    assert plain(fitted.as_json())["final"][0]["test"] == {"EMPS": None}
 
 
 def test_the_picture_shows_every_rung_and_the_published_levels(carriage):
@@ -133,7 +171,6 @@ def test_a_file_without_the_columns_is_named(tmp_path):
 
 
 def test_times_of_faults_are_the_rigs(carriage):
-    assert carriage.faults == ()
     fault = Fault("train", "encoder_1", "missing_samples", 3.0, 6.0)
     slow = replace(
         carriage,

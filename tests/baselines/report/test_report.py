@@ -1,11 +1,13 @@
 """The report holds every part that handout 3.5 asks for, and answers its questions from numbers."""
 
+import json
 import re
 
 import pytest
+from typer.testing import CliRunner
 
+from baselines.cli import app
 from baselines.lab.sample import FOLDER
-from baselines.report import build_report
 from baselines.report.discussion import measure_p_control
 from baselines.report.findings import find
 from baselines.report.sections import p_control_section
@@ -18,8 +20,22 @@ def recordings():
 
 
 @pytest.fixture(scope="module")
-def page(recordings):
-    return build_report(recordings, title="Test report")
+def written(tmp_path_factory):
+    """The page, and what the command printed."""
+    file = tmp_path_factory.mktemp("report") / "out" / "report.html"
+    run = CliRunner().invoke(app, ["report", str(FOLDER), "--title", "Test report", "-o", str(file), "--json"])
+    assert run.exit_code == 0, run.output
+    return file, run.stdout
+
+
+@pytest.fixture(scope="module")
+def page(written):
+    return written[0].read_text(encoding="utf-8")
+
+
+def test_the_command_prints_one_object(written):
+    file, printed = written
+    assert json.loads(printed) == {"report": str(file), "skipped": []}
 
 
 def plain(page):
