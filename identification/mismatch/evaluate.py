@@ -14,7 +14,7 @@ from identification.mismatch.candidates.free import Shape
 from identification.mismatch.candidates.narrow_band import Line, lines
 from identification.mismatch.candidates.phases import Phase
 from identification.mismatch.linear import Entry, Linear
-from identification.mismatch.score import leave_one_out_variance, trimmed
+from identification.mismatch.score import bounded, leave_one_out_variance, shared
 
 Name = tuple[str, str]
 
@@ -60,7 +60,7 @@ class Table:
     def take(self, entry: Best, gain: FloatArray) -> None:
         """Keep the better one of a name's entries in every data set; ``gain`` has the shape (U, data sets)."""
         name = entry.candidate.name
-        total = trimmed(gain.T)
+        total = shared(gain.T)
         self.entries.setdefault(name, []).append((float(total[0]), entry))
         if name not in self.total:
             self.total[name], self.best[name] = total, entry
@@ -85,8 +85,13 @@ def evaluate(linear: Linear, residual: FloatArray) -> Table:
     table = Table({}, {}, {})
     for entry in linear.entries:
         if not entry.random:
-            left, _ = _left_out(linear, [*linear.base, *entry.columns], g, square, damping)
-            gain = 0.5 * (base - left)
+            use = [*linear.base, *entry.columns]
+            left, with_ = _left_out(linear, use, g, square, damping)
+            # what the two predictions differ by
+            apart = with_.copy()
+            apart[:, : len(linear.base)] -= steps
+            H = linear.products[:, use][:, :, use]
+            gain = bounded(0.5 * (base - left), 0.5 * np.sum(apart * (H @ apart), axis=1))
             table.take(Best(entry.candidate, entry.columns, gain[:, 0]), gain)
     rest = _others(linear, residual, steps)
     random = [e for e in linear.entries if e.random]

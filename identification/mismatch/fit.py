@@ -20,7 +20,7 @@ from flexdrive_gym.drive.effects import LAYOUT
 from flexdrive_gym.drive.parameters import fastest, parameter
 from flexdrive_gym.recording import BoolArray, FloatArray
 from identification.mismatch.bench import Bench, Values
-from identification.mismatch.score import Normal
+from identification.mismatch.score import Normal, bounded
 from identification.replay.output_error import PHYSICS_S
 
 # step of a finite difference, in scaled coordinates, far above round-off: sticking makes residuals smooth only piece by piece
@@ -89,10 +89,44 @@ class Fit:
         return self.coordinates.rate(self.coordinates.of(self.values))
 
     @cached_property
+    def white(self) -> FloatArray:
+        """Return whitened derivatives by the parameters that do not rest at a bound, and the residual, shape (N, p + 1)."""
+        return self.metric.white(np.column_stack([self.jacobian[:, self.interior], self.residual]))
+
+    @cached_property
     def normal(self) -> Normal:
-        """Return the normal equations per unit, of the parameters that do not rest at a bound."""
-        both = np.column_stack([self.jacobian[:, self.interior], self.residual])
-        return Normal.of(self.bench.products(self.metric.white(both)))
+        """Return the normal equations per unit."""
+        return Normal.of(self.bench.products(self.white))
+
+
+def gain_of(without: Fit, with_: Fit) -> FloatArray:
+    """Return the gain of predictive log-likelihood of a model that contains another, within what the others let expect, (U,)."""
+    return gain_between(with_.bench, without.white, with_.white)
+
+
+def gain_between(bench: Bench, without: FloatArray, with_: FloatArray) -> FloatArray:
+    """Return the gain of predictive log-likelihood between two models, within what the others let expect, shape (U,).
+
+    Parameters
+    ----------
+    without, with_ : ndarray, shapes (N, p + 1) and (N, q + 1)
+        Whitened derivatives and, last, residuals.
+    """
+    damping = bench.settings.damping
+    products = bench.products(np.column_stack([without, with_]))
+    p = without.shape[1]
+    # every unit's residuals of the two models as the others predict them: their squares, and that of their difference
+    one, other = (
+        np.column_stack([Normal.of(own).steps(damping), np.ones(len(products))])
+        for own in (products[:, :p, :p], products[:, p:, p:])
+    )
+
+    def square(steps: FloatArray) -> FloatArray:
+        return np.asarray(np.einsum("ui,uij,uj->u", steps, products, steps))
+
+    none, nothing = np.zeros_like(other), np.zeros_like(one)
+    gain = 0.5 * (square(np.hstack([one, none])) - square(np.hstack([nothing, other])))
+    return bounded(gain, 0.5 * square(np.hstack([one, -other])))
 
 
 def resolved(values: Values) -> bool:

@@ -8,7 +8,7 @@ from flexdrive_gym.recording import FloatArray
 from identification.mismatch.evaluate import Name, random_gains
 from identification.mismatch.linear import Linear
 from identification.mismatch.nuisance import Direction
-from identification.mismatch.score import gains, trimmed
+from identification.mismatch.score import gains, shared
 
 # log-likelihood that a parameter must gain to join a model: Akaike's one, and one for having been chosen
 WORTH = 2.0
@@ -55,7 +55,7 @@ def ripples(linear: Linear, left: FloatArray) -> list[Direction]:
     best: dict[Name, tuple[float, list[Direction]]] = {}
     found = random_gains(bench, columns, linear.noise.white(left)[:, None])
     for entry, (gain, variance) in zip(entries, found, strict=True):
-        name, total = entry.candidate.name, float(trimmed(gain[:, 0]))
+        name, total = entry.candidate.name, float(shared(gain[:, 0]))
         if total > max(bench.settings.ripple, best[name][0] if name in best else 0.0):
             changes = [linear.changes[:, c - first].astype(np.float64) for c in entry.columns]
             best[name] = total, [Direction("@".join(name), float(np.sqrt(variance)), change) for change in changes]

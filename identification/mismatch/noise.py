@@ -51,6 +51,8 @@ _BETWEEN_RIGS = 2.0
 _EVALUATIONS, _RESOLVED = 120, 0.02
 # share of the unknown forces in recordings of a cart that hardly moves
 _STILL = 1e-3
+# first radius of the first search, and of the second, which begins where the first ended
+_RADIUS = 1.0, 0.25
 # steps of expectation maximisation
 _MAXIMISATIONS = 6
 # rows over which a scatter is smoothed: 15 ms, the time of a slip
@@ -232,7 +234,7 @@ def estimate(bench: Bench, values: Values, residual: FloatArray, found: Sequence
     theta, own = np.zeros(5), np.ones(len(bench.runs))
     noise = first_noise(bench, values)
     for turn in range(2 if found else 1):
-        theta, cost = _most_likely(bench, values, level, rest, own, theta)
+        theta, cost = _most_likely(bench, values, level, rest, own, theta, _RADIUS[turn])
         if not np.isfinite(cost):
             drive = ", ".join(f"{n} = {v:.3g}" for n, v in values.items())
             raise ValueError(
@@ -294,7 +296,13 @@ def _level(bench: Bench, values: Values) -> tuple[float, float]:
 
 
 def _most_likely(
-    bench: Bench, values: Values, level: tuple[float, float], rest: FloatArray, own: FloatArray, start: FloatArray
+    bench: Bench,
+    values: Values,
+    level: tuple[float, float],
+    rest: FloatArray,
+    own: FloatArray,
+    start: FloatArray,
+    radius: float,
 ) -> tuple[FloatArray, float]:
     """Return the logarithms of the most likely forces' parameters, and their cost.
 
@@ -307,7 +315,7 @@ def _most_likely(
         w = noise.innovations(rest, bench.pool.map)[bench.moves]
         return float(0.5 * (w @ w) + 0.5 * noise.logarithm + 0.5 * np.sum((theta / _BETWEEN_RIGS) ** 2))
 
-    options: Any = {"maxfev": _EVALUATIONS, "initial_tr_radius": 1.0, "final_tr_radius": _RESOLVED}
+    options: Any = {"maxfev": _EVALUATIONS, "initial_tr_radius": radius, "final_tr_radius": _RESOLVED}
     found = minimize(cost, start, method="COBYQA", options=options)
     return np.asarray(found.x), float(found.fun)
 

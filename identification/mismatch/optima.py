@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from identification.mismatch.bench import Bench, Values
 from identification.mismatch.candidates.catalogue import Candidate
 from identification.mismatch.evaluate import Name
-from identification.mismatch.fit import Fit, Metric, fit, resolved
+from identification.mismatch.fit import Fit, Metric, fit, gain_of, resolved
 from identification.mismatch.generous import WORTH
 from identification.mismatch.noise import Noise, first_noise
 from identification.mismatch.ranking import Scored, tied
-from identification.mismatch.score import gains
 from identification.mismatch.start import base_starts
 from identification.topology import Topology
 
@@ -50,6 +50,17 @@ def fit_candidates(
 ) -> dict[Name, tuple[Candidate, Fit]]:
     """Fit candidates, each from all its starts that a simulation resolves."""
     bench = base.bench
+    best = _tried(base, noise, jobs)
+    # those that are ahead, and those that the linear change puts first, however far their fits have to go
+    asked = list(dict.fromkeys(candidate.name for candidate, _ in jobs if candidate.name in best))
+    ahead = sorted(best, key=lambda n: best[n][1].cost)[: bench.settings.finished]
+    leading = list(dict.fromkeys([*ahead, *asked[: bench.settings.finished // 2]]))
+    return best | _ended(base, noise, {n: best[n] for n in leading})
+
+
+def _tried(base: Fit, noise: Metric, jobs: Sequence[tuple[Candidate, Values]]) -> dict[Name, tuple[Candidate, Fit]]:
+    """Return the best first try of every candidate."""
+    bench = base.bench
     jobs = [job for job in jobs if resolved(job[1])]
     white = noise.white(base.residual)
     contained = float(white @ white)
@@ -69,36 +80,43 @@ def fit_candidates(
     for candidate, found in bench.pool.map(tried, jobs):
         if candidate.name not in best or found.cost < best[candidate.name][1].cost:
             best[candidate.name] = candidate, found
-    # those that are ahead, and those that the linear change puts first, however far their fits have to go
-    asked = list(dict.fromkeys(candidate.name for candidate, _ in jobs))
-    ahead = sorted(best, key=lambda n: best[n][1].cost)[: bench.settings.finished]
-    leading = list(dict.fromkeys([*ahead, *asked[: bench.settings.finished // 2]]))
-    ended = bench.pool.map(lambda f: fit(bench, noise, f.values, f.names, near=f), [best[n][1] for n in leading])
-    best |= {n: (best[n][0], f) for n, f in zip(leading, ended, strict=True)}
-    return best | _from_the_leader(base, noise, {n: best[n] for n in leading})
+    return best
 
 
-def _from_the_leader(
-    base: Fit, noise: Metric, best: Mapping[Name, tuple[Candidate, Fit]]
-) -> dict[Name, tuple[Candidate, Fit]]:
-    """Fit candidates again from the base parameters of the best one, and keep what is better: none may win by its basin."""
-    bench = base.bench
-    ahead = min(best, key=lambda n: best[n][1].cost, default=None)
-    if ahead is None:
-        return {}
-    leader, there = best[ahead]
+def _ended(base: Fit, noise: Metric, best: Mapping[Name, tuple[Candidate, Fit]]) -> dict[Name, tuple[Candidate, Fit]]:
+    """Carry fits to the end: the leader's first, then the others', from their own or its base parameters, whichever are nearer.
 
-    def again(item: tuple[Candidate, Fit]) -> tuple[Candidate, Fit]:
-        candidate, before = item
-        values = without(leader, there.values, base.names) | {k: before.values[k] for k in candidate.keys}
-        if candidate is leader or not resolved(values):
-            return item
-        other = fit(bench, noise, values, before.names, iterations=_TRY)
-        if other.cost >= before.cost:
-            return item
-        return candidate, fit(bench, noise, other.values, other.names, near=other)
+    None may win by its basin, and a valley of the base model is gone down once, not by everyone.
+    """
+    bench, found = base.bench, dict(best)
 
-    return dict(zip(best, bench.pool.map(again, best.values()), strict=True))
+    def ended(own: Fit) -> Fit:
+        return own if own.known is not None else fit(bench, noise, own.values, own.names, near=own)
+
+    def beside(leader: Candidate, there: Fit, item: tuple[Candidate, Fit]) -> tuple[Candidate, Fit]:
+        candidate, own = item
+        values = without(leader, there.values, base.names) | {k: own.values[k] for k in candidate.keys}
+        if resolved(values):
+            other = fit(bench, noise, values, own.names, iterations=_TRY)
+            if other.cost < own.cost:
+                return candidate, ended(other)
+        return candidate, ended(own)
+
+    if far(base):
+        # every start leads elsewhere
+        found = {c.name: (c, f) for c, f in bench.pool.map(lambda item: (item[0], ended(item[1])), found.values())}
+    asked = set[Name]()
+    # a second time where another has come ahead
+    while len(asked) < min(2, len(found)):
+        ahead = min(found, key=lambda n: found[n][1].cost)
+        if ahead in asked:
+            break
+        asked.add(ahead)
+        leader, there = found[ahead][0], ended(found[ahead][1])
+        found[ahead] = leader, there
+        rest = [item for n, item in found.items() if n not in asked]
+        found |= {c.name: (c, f) for c, f in bench.pool.map(partial(beside, leader, there), rest)}
+    return found
 
 
 def refit_base(base: Fit, noise: Noise, fits: Sequence[tuple[Candidate, Fit]]) -> tuple[Fit, float]:
@@ -129,8 +147,7 @@ def pruned(base: Fit, noise: Noise, scored: Sequence[Scored], significant: Seque
         part = replace(whole, sizes=(size,))
         start = {k: v for k, v in best.fit.values.items() if k in part.keys or k not in whole.keys}
         smaller = fit(base.bench, noise, start, (*base.names, *part.keys))
-        gain = gains(base.normal, smaller.normal, base.bench.settings.damping)
-        own = replace(best, candidate=part, fit=smaller, gain=gain, size=len(part.keys))
+        own = replace(best, candidate=part, fit=smaller, gain=gain_of(base, smaller), size=len(part.keys))
         if tied(best, own):
             return [own if s is best else s for s in scored]
     return list(scored)

@@ -13,12 +13,12 @@ from identification.mismatch.candidates.free import Shape
 from identification.mismatch.candidates.narrow_band import Line
 from identification.mismatch.candidates.phases import Phase
 from identification.mismatch.evaluate import Name, Table
-from identification.mismatch.fit import Fit
+from identification.mismatch.fit import Fit, gain_between, gain_of
 from identification.mismatch.linear import Linear
 from identification.mismatch.noise import Noise
 from identification.mismatch.nuisance import Direction
 from identification.mismatch.null import Null
-from identification.mismatch.score import Normal, gains, studentised, trimmed
+from identification.mismatch.score import shared, studentised
 
 # paired t under which two candidates predict alike
 TIE = 2.0
@@ -52,7 +52,7 @@ class Scored:
     fit
         The drive with it; ``None`` where only its linear change was looked at.
     gain : ndarray, shape (U,)
-        Gain of predictive log-likelihood.
+        Gain of predictive log-likelihood, within what the others let expect.
     size
         How many parameters it adds.
     p
@@ -75,8 +75,8 @@ class Scored:
 
     @property
     def total(self) -> float:
-        """Gain over all units but those that gain most and lose most."""
-        return float(trimmed(self.gain))
+        """Gain over all units but the one that gains most."""
+        return float(shared(self.gain))
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,16 +183,16 @@ def scores(
                 group, spread = "@".join(name), float(np.sqrt(entry.variance))
                 changes = (linear.changes[:, c - len(linear.base)] for c in entry.columns)
                 variability = tuple(Direction(group, spread, change.astype(np.float64)) for change in changes)
-            p = null.p_value(name, float(trimmed(entry.gain)))
+            p = null.p_value(name, float(shared(entry.gain)))
             scored = Scored(entry.candidate, None, entry.gain, max(len(entry.columns), 2), p, variability)
         if name in fits:
             candidate, best = fits[name]
-            gain = gains(base.normal, best.normal, linear.bench.settings.damping)
-            if scored is None or not scored.variability or trimmed(gain) > scored.total:
-                p = null.p_value(name, float(trimmed(gain)) - roughness)
+            gain = gain_of(base, best)
+            if scored is None or not scored.variability or shared(gain) > scored.total:
+                p = null.p_value(name, float(shared(gain)) - roughness)
                 if not candidate.takes:
                     # an effect that is there changes the simulation to first order, too: where it is absent, or where it is
-                    near = null.p_value(name, float(trimmed(_wald(candidate, best))))
+                    near = null.p_value(name, float(shared(_wald(candidate, best))))
                     p = max(p, near if scored is None else min(near, scored.p))
                 scored = Scored(candidate, best, gain, len(candidate.keys), p)
         assert scored is not None
@@ -209,7 +209,4 @@ def _wald(candidate: Candidate, best: Fit) -> FloatArray:
     own = np.array([n in candidate.keys for n in names], dtype=bool)
     white = best.metric.white(np.column_stack([J, best.residual, best.residual - J @ size]))
     p = len(names)
-    damping = best.bench.settings.damping
-    full = Normal.of(best.bench.products(white[:, [*range(p), p]]))
-    base = Normal.of(best.bench.products(white[:, [*np.flatnonzero(~own), p + 1]]))
-    return gains(base, full, damping)
+    return gain_between(best.bench, white[:, [*np.flatnonzero(~own), p + 1]], white[:, [*range(p), p]])

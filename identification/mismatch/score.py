@@ -7,7 +7,10 @@ Around an optimum the whitened residual of unit u (an experiment with its replic
    \Delta_{-u} = -\Bigl(\sum_{q \ne u} H_q\Bigr)^{-1} \sum_{q \ne u} g_q, \qquad
    S_u = e_u^T e_u + 2\,\Delta_{-u}^T g_u + \Delta_{-u}^T H_u \Delta_{-u} .
 
-The score of a candidate in u is the gain of predictive log-likelihood, half of S without it minus half of S with it.
+The gain of a candidate in u is that of predictive log-likelihood, half of S without it minus half of S with it.
+If the others' optima are right, it is half the square of what the two predictions differ by, :math:`E_u`, give or take
+:math:`\sqrt{2 E_u}`; if the effect is absent in u, it is :math:`-E_u`. The score of u lies between the two: an experiment says at
+most that the effect is there as the others predict it, or that it is not.
 """
 
 from __future__ import annotations
@@ -83,18 +86,19 @@ def studentised(gain: FloatArray) -> FloatArray:
     return np.asarray(np.mean(gain, axis=-1) / np.maximum(spread / np.sqrt(n), 1e-12))
 
 
-def trimmed(gain: FloatArray) -> FloatArray:
-    """Return the sum of gains along the last axis without the largest sixth of them and without the largest losses, as many.
+def shared(gain: FloatArray) -> FloatArray:
+    """Return the sum of gains along the last axis without the largest of them and without the largest loss.
 
-    What one experiment alone shows, or two of a dozen, is no property of a rig, and one that is odd does not speak against what
-    the others show.
+    What one experiment alone shows is no property of a rig, and one that is odd does not speak against what the others show.
     """
-    n = gain.shape[-1]
-    if n < 3:
+    if gain.shape[-1] < 3:
         return np.asarray(gain.sum(axis=-1))
-    cut = max(1, n // 6)
-    order = np.sort(gain, axis=-1)
-    return np.asarray(order[..., : n - cut].sum(axis=-1) - np.minimum(order[..., :cut], 0.0).sum(axis=-1))
+    return np.asarray(gain.sum(axis=-1) - np.maximum(gain.max(axis=-1), 0.0) - np.minimum(gain.min(axis=-1), 0.0))
+
+
+def bounded(gain: FloatArray, expected: FloatArray) -> FloatArray:
+    """Return gains within what the others' optima let expect: of more an odd experiment speaks, and no property of a rig."""
+    return np.clip(gain, -expected, expected)
 
 
 def leave_one_out_variance(form: FloatArray, information: FloatArray, units: IntArray) -> tuple[FloatArray, FloatArray]:
@@ -111,19 +115,24 @@ def leave_one_out_variance(form: FloatArray, information: FloatArray, units: Int
     Returns
     -------
     gain : ndarray, shape (U, P, data sets)
+        At most what amplitudes of that variance let expect.
     variance : ndarray, shape (P,)
         Most likely one in the first data set.
     """
     typical = np.maximum(np.mean(information, axis=0), 1e-300)
     gain = np.zeros((len(VARIANCES), int(units.max()) + 1, *form.shape[1:]))
+    within = np.zeros_like(gain)
     for v, relative in enumerate(VARIANCES):
         variance = relative / typical
-        each = 0.5 * form / (information + 1.0 / variance)[..., None] - np.log1p(variance * information)[..., None]
+        lost = np.log1p(variance * information)
+        each = 0.5 * form / (information + 1.0 / variance)[..., None] - lost[..., None]
+        most_of_each = np.minimum(each, (variance * information - lost)[..., None])
         for r, u in enumerate(units):
             gain[v, u] += each[r]
+            within[v, u] += most_of_each[r]
     best = np.argmax(gain.sum(axis=1, keepdims=True) - gain, axis=0)
     most = np.argmax(gain[..., 0].sum(axis=1), axis=0)
-    return np.take_along_axis(gain, best[None], axis=0)[0], np.asarray(VARIANCES)[most] / typical
+    return np.take_along_axis(within, best[None], axis=0)[0], np.asarray(VARIANCES)[most] / typical
 
 
 def _solve(H: FloatArray, g: FloatArray, damping: float) -> FloatArray:

@@ -14,7 +14,7 @@ from identification.mismatch.candidates.free import Shape, shapes
 from identification.mismatch.candidates.narrow_band import Line
 from identification.mismatch.candidates.phases import Phase
 from identification.mismatch.evaluate import Name, Table, evaluate, random_gains
-from identification.mismatch.fit import Fit, fit
+from identification.mismatch.fit import Fit, fit, gain_of
 from identification.mismatch.generous import WORTH, generous, ripples
 from identification.mismatch.linear import Linear, linearise
 from identification.mismatch.noise import Noise, damped, estimate, with_usual_forces
@@ -22,7 +22,7 @@ from identification.mismatch.nuisance import Direction, directions, dry_level
 from identification.mismatch.null import Null, first_draws, null_of
 from identification.mismatch.optima import far, fit_base, fit_candidates, pruned, refit_base, without
 from identification.mismatch.ranking import MOST, Round, Scored, nameless, ranked, scores
-from identification.mismatch.score import gains, trimmed
+from identification.mismatch.score import shared
 from identification.mismatch.start import Start, candidate_starts, far_starts
 from identification.topology import Topology
 
@@ -311,7 +311,7 @@ class Selector:
         """Leave out what no longer predicts beside all others, the least first."""
         while len(taken) > 1:
             model = fit(self.bench, last.noise, model.values, model.names)
-            left_out = [self._without(scored, model, last) for scored, _ in taken]
+            left_out = [self._without(scored, step, model, last) for scored, step in taken]
             weakest = max(range(len(taken)), key=lambda i: left_out[i][0])
             if left_out[weakest][0] <= self.level:
                 break
@@ -319,15 +319,17 @@ class Selector:
             del taken[weakest]
         return taken, model
 
-    def _without(self, scored: Scored, model: Fit, last: Round) -> tuple[float, Fit]:
-        """Return the p-value of an accepted candidate beside all others, and the model without it."""
+    def _without(self, scored: Scored, step: Round, model: Fit, last: Round) -> tuple[float, Fit]:
+        """Return the p-value of an accepted candidate beside all others, and the model without it.
+
+        What it gains by chance is told by the draws of the round that took it, which lack it.
+        """
         if not isinstance(scored.candidate, Candidate):
             own = {d.group for d in scored.variability}
             noise = damped(last.noise, [d for d in last.variability if d.group not in own])
             columns = noise.white(np.column_stack([d.change for d in scored.variability]))
             ((gain, _),) = random_gains(self.bench, columns, noise.white(model.residual)[:, None])
-            return last.null.p_value(scored.name, float(trimmed(gain[:, 0]))), model
+            return step.null.p_value(scored.name, float(shared(gain[:, 0]))), model
         names = [n for n in model.names if n not in scored.candidate.keys]
         less = fit(self.bench, last.noise, without(scored.candidate, model.values, names), names)
-        gain = gains(less.normal, model.normal, self.settings.damping)
-        return last.null.p_value(scored.name, float(trimmed(gain))), less
+        return step.null.p_value(scored.name, float(shared(gain_of(less, model)))), less

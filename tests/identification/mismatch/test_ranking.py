@@ -1,13 +1,11 @@
 """Which candidate is named: by gains that no single experiment decides, ties by paired scores, names before free functions."""
 
 import numpy as np
-import pytest
 
 from identification.mismatch.candidates.catalogue import Candidate
 from identification.mismatch.candidates.free import Shape
 from identification.mismatch.candidates.narrow_band import made
 from identification.mismatch.ranking import Scored, ranked, tied
-from identification.mismatch.score import trimmed
 
 RNG = np.random.default_rng(0)
 
@@ -25,19 +23,6 @@ def at_cart(effect, gain, where):
 
 def free(gain):
     return Scored(Shape("cart_1", "command", np.zeros(1), (), 0.1), None, np.asarray(gain, dtype=float), 6, 0.002)
-
-
-def test_what_one_experiment_alone_shows_gains_nothing():
-    assert trimmed(np.array([500.0, 0.0, 0.0, 0.0])) == 0.0
-
-
-def test_one_odd_experiment_does_not_hide_what_the_others_show():
-    assert trimmed(np.array([-230.0, 20.0, 20.0, 20.0, 20.0])) == 60.0
-
-
-def test_chance_gains_as_often_as_it_loses():
-    gain = RNG.normal(size=(20000, 12))
-    assert np.mean(trimmed(gain)) == pytest.approx(0.0, abs=0.05)
 
 
 def test_two_names_of_one_force_tie_and_the_simpler_one_is_named():
