@@ -8,6 +8,7 @@ from typer.testing import CliRunner
 
 from baselines.cli import app
 from baselines.lab.sample import FOLDER
+from baselines.report import build_report
 from baselines.report.discussion import measure_p_control
 from baselines.report.findings import find
 from baselines.report.sections import p_control_section
