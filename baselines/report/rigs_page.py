@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from baselines.report import words
 from baselines.report.page import Section, render
 from flexdrive_gym import __version__
 
@@ -145,8 +146,8 @@ def _controls(rows: Sequence[Row]) -> Section:
 
 
 def _claim(claim: Row) -> str:
-    ties = " or ".join(_words(f"{t['id']} at {t['where']}") for t in claim["ties"])
-    return _words(f"{claim['id']} at {claim['where']}") + (f" (or {ties})" if ties else "")
+    ties = " or ".join(words.at(t["id"], t["where"]) for t in claim["ties"])
+    return words.at(claim["id"], claim["where"]) + (f" (or {ties})" if ties else "")
 
 
 def _words(name: str) -> str:

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 
 from baselines.lab.prediction_names import prediction_name
 from flexdrive_gym.drive.effects import EFFECTS
+from identification.mismatch.candidates.free import followed
 from identification.mismatch.finding import Finding
 from identification.mismatch.verdict import Diagnosis, Interval, Prediction, RecordingFit
 from identification.quantities import HANDOUT_RATIOS
@@ -24,8 +25,11 @@ def effect_name(id_: str) -> str:
 
 
 def at(id_: str, where: str) -> str:
-    """Return "effect at place"."""
-    return f"{effect_name(id_)} at {where.replace('_', ' ')}"
+    """Return "effect at place", or what a force that has no name follows."""
+    follows, place = followed(id_), where.replace("_", " ")
+    if follows is None:
+        return f"{effect_name(id_)} at {place}"
+    return f"a force {'in the spring' if where == 'spring' else f'on {place}'} that follows {follows}"
 
 
 def by_number(name: str) -> list[tuple[float, str]]:

@@ -5,22 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from identification.mismatch.bench import Bench
-from identification.mismatch.candidates.free import Shape
+from identification.mismatch.candidates.free import FOLLOWS, Shape
 from identification.mismatch.candidates.narrow_band import Line
 from identification.mismatch.finding import Curve, Unnamed
 from identification.mismatch.ranking import Round, Scored
 from identification.mismatch.score import Normal
 from identification.mismatch.select import Selection
 
-_WORDS = {
-    "deflection": ("the deflection of the spring", "mm"),
-    "command": ("the command", "V"),
-    "time": ("time", "s"),
-    **{f"velocity {c}": (f"the velocity of cart {c}", "mm/s") for c in (1, 2)},
-    **{f"place {c}": (f"the place of cart {c} along the track", "mm") for c in (1, 2)},
-    **{f"time since cart {c} reversed": (f"the time since cart {c} reversed, against its motion", "s") for c in (1, 2)},
-    **{f"size of the command, as friction {c}": ("the size of the command, against the motion", "V") for c in (1, 2)},
-}
 _NEAREST = 3
 
 
@@ -40,7 +31,7 @@ def unnamed(bench: Bench, selection: Selection) -> Unnamed | None:
     share = share_of(last.best, last)
     if isinstance(shape, Line):
         return Unnamed(shape.where, share, f"of {shape.frequency:.3g} Hz that the command does not make", nearest)
-    follows, _ = _WORDS.get(shape.variable, (shape.variable, ""))
+    follows, _ = FOLLOWS.get(shape.variable, (shape.variable, ""))
     return Unnamed(shape.where, share, f"as a function of {follows}", nearest, _curve(bench, last, shape))
 
 
@@ -54,5 +45,5 @@ def _curve(bench: Bench, last: Round, shape: Shape) -> Curve:
     own = n.steps(damping)[:, knots]
     U = len(own)
     band = np.sqrt((U - 1.0) / U * np.sum((own - own.mean(axis=0)) ** 2, axis=0))
-    follows, unit = _WORDS.get(shape.variable, (shape.variable, ""))
+    follows, unit = FOLLOWS.get(shape.variable, (shape.variable, ""))
     return Curve(follows, unit, shape.at, n.solve(damping)[knots], band)

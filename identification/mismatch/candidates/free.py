@@ -13,6 +13,17 @@ from identification.mismatch.bench import Bench, Values, free
 from identification.mismatch.nuisance import moving
 from identification.replay.output_error import simulate_run
 
+# what a force follows, in words, and its unit
+FOLLOWS = {
+    "deflection": ("the deflection of the spring", "mm"),
+    "command": ("the command", "V"),
+    "time": ("time", "s"),
+    **{f"velocity {c}": (f"the velocity of cart {c}", "mm/s") for c in (1, 2)},
+    **{f"place {c}": (f"the place of cart {c} along the track", "mm") for c in (1, 2)},
+    **{f"time since cart {c} reversed": (f"the time since cart {c} reversed, against its motion", "s") for c in (1, 2)},
+    **{f"size of the command, as friction {c}": ("the size of the command, against the motion", "V") for c in (1, 2)},
+}
+_FREE = "free function of "
 # knots of a free function: a bend in each half and one in the middle
 KNOTS = 7
 # share of samples beyond the outer knots: a spline says nothing where nobody was
@@ -48,12 +59,18 @@ class Shape:
     @property
     def id(self) -> str:
         """What it is called where candidates are listed."""
-        return f"free function of {self.variable}"
+        return _FREE + self.variable
 
     @property
     def name(self) -> tuple[str, str]:
         """What it is called by, and where it acts."""
         return self.id, self.where
+
+
+def followed(id_: str) -> str | None:
+    """Return in words what a force without a name follows; ``None`` for the id of anything else."""
+    variable = id_.removeprefix(_FREE)
+    return None if variable == id_ else FOLLOWS[variable][0]
 
 
 def shapes(bench: Bench, values: Values, size: float) -> list[Shape]:

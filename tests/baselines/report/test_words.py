@@ -1,0 +1,21 @@
+"""A diagnosis in plain words."""
+
+from baselines.report import words
+from tests.each import each
+
+
+@each(
+    ("id_", "where", "text"),
+    [
+        ("stribeck", "cart_1", "Stribeck effect at cart 1"),
+        ("free function of velocity 2", "cart_2", "a force on cart 2 that follows the velocity of cart 2"),
+        ("free function of deflection", "spring", "a force in the spring that follows the deflection of the spring"),
+        (
+            "free function of size of the command, as friction 1",
+            "cart_1",
+            "a force on cart 1 that follows the size of the command, against the motion",
+        ),
+    ],
+)
+def test_what_has_no_name_is_said_by_what_it_follows(id_, where, text):
+    assert words.at(id_, where) == text
