@@ -18,7 +18,7 @@ from math import pi
 
 import numpy as np
 
-from flexdrive_gym import Drive, Excitation, LinearDrive, Recording
+from flexdrive_gym import LinearDrive, Recording
 from flexdrive_gym.recording import BoolArray, FloatArray
 from flexdrive_gym.units import LAB, Units, measured_in
 from identification.signals import velocities
@@ -40,7 +40,6 @@ __all__ = [
     "handout_frequencies",
     "measure_frequency_response",
     "response_with_friction",
-    "simulated_response",
     "theoretical_response",
 ]
 
@@ -299,38 +298,3 @@ def _model_phase(rows: Sequence[FrequencyRow], cart: int, model: LinearDrive | N
     grid = np.union1d(np.logspace(-1.0, np.log10(10.0 * measured.max()), 1000), measured)
     phase = np.interp(measured, grid, theoretical_response(model, grid).phase(cart))
     return lambda i: float(phase[i])
-
-
-def simulated_response(
-    drive: Drive, frequencies: Iterable[float], amplitude: float, *, corrected: bool = False
-) -> FrequencyTable:
-    """Run the handout's sine experiment (2.6) on a simulated drive and measure it like a rig.
-
-    Parameters
-    ----------
-    drive
-        With all its effects.
-    frequencies
-        Of the command [Hz].
-    amplitude
-        Of the command [V].
-    corrected
-        As in :func:`measure_frequency_response`.
-
-    Returns
-    -------
-    FrequencyTable
-        Comparable with the measured one line by line.
-    """
-    return measure_frequency_response(
-        [_sine_run(drive, frequency, amplitude) for frequency in frequencies],
-        model=drive.linear,
-        corrected=corrected,
-    )
-
-
-def _sine_run(drive: Drive, frequency: float, amplitude: float) -> Recording:
-    duration = max(8.0, transient(frequency) + 3.0 / frequency)
-    t = 1e-3 * np.arange(round(1e3 * duration) + 1)
-    run = drive.simulate(t, amplitude * np.sin(2.0 * pi * frequency * t), name=f"sine {frequency:g} Hz")
-    return replace(run, excitation=Excitation("sine", amplitude, frequency))

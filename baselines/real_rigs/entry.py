@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -128,4 +128,3 @@ class RealRig:
 
 
 Outcome = Literal["named", "tied", "missed"]
-Places = Sequence[Effect]

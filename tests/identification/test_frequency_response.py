@@ -11,7 +11,6 @@ from identification.frequency_response import (
     fit_sine,
     measure_frequency_response,
     response_with_friction,
-    simulated_response,
     theoretical_response,
 )
 from identification.recordings import read_recordings
@@ -26,6 +25,12 @@ T = 1e-3 * np.arange(8001)
 def sine(drive: Drive, frequency: float, amplitude: float = 2.5):
     run = drive.simulate(T, amplitude * np.sin(2.0 * np.pi * frequency * T), name=f"sine {frequency:g}")
     return replace(run, excitation=Excitation("sine", amplitude, frequency))
+
+
+def simulated_response(drive: Drive, frequencies, amplitude: float, *, corrected: bool):
+    """Run the sine experiment (2.6) on a simulated drive and measure it like a rig."""
+    runs = [sine(drive, frequency, amplitude) for frequency in frequencies]
+    return measure_frequency_response(runs, model=drive.linear, corrected=corrected)
 
 
 @each("frequency", [0.5, 3.3, 20.0])
