@@ -1,16 +1,19 @@
-"""The present diagnosis against the published one, on the same concealed data sets.
+"""The present diagnosis against the answers of an earlier study, on the same concealed data sets.
 
-``python -m benchmarks paired [--trials 60] [--jobs 2]`` makes the first data sets of the published study again, diagnoses them,
-and prints both answers. The published answers are those of ``docs/trial/seed_9``. Its seed steered decisions: what is printed is
-a comparison and no claim. Every answer is kept in the cache directory under the digest of the code.
+``python -m benchmarks paired [STUDY] [--trials 60] [--jobs 2]`` makes the first data sets of a study again, diagnoses them, and
+prints both answers. STUDY is a folder of ``flexdrive blind``, or ``REVISION:FOLDER`` of this repository's history
+(docs/trial/studies.csv); default: the 200 data sets with seed 9. Their seed steered decisions: what is printed is a comparison
+and no claim. Every answer is kept in the cache directory under the digest of the code.
 """
 
 import argparse
 import json
+import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +22,13 @@ from platformdirs import user_cache_path
 
 from baselines.blind_study.judge import Judged, judge
 from baselines.blind_study.plan import Trial, plan
-from baselines.blind_study.study import engine, outcomes
+from baselines.blind_study.study import PACKED, engine, outcomes, settings
 from baselines.rig_simulator.make import make_case
 from flexdrive_gym.files import write_atomically
 from identification import diagnose
 
-STUDY = Path(__file__).parents[1] / "docs" / "trial" / "seed_9"
+ROOT = Path(__file__).parents[1]
+STUDY = "81990b1:docs/trial/seed_9"
 ROWS = (
     "single effects from half size on, named exactly or in a tie",
     "single effects from half size on, named exactly",
@@ -32,17 +36,23 @@ ROWS = (
     "effects outside the catalogue reported as unnamed, and nothing named",
     "effects outside the catalogue given a name",
     "nulls and faults alone with a name",
-    "data sets with a name of nothing concealed",
+    "data sets with a false positive",
 )
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks paired", description=__doc__)
+    parser.add_argument("study", nargs="?", default=STUDY, help="folder, or REVISION:FOLDER; default %(default)s")
     parser.add_argument("--trials", type=int, default=60)
     parser.add_argument("--jobs", type=int, default=2)
     given = parser.parse_args(sys.argv[2:])
-    published = outcomes(STUDY, tuple(plan(200, 9)))[: given.trials]
-    folder = user_cache_path("flexdrive") / "paired" / engine()
+    try:
+        with study_folder(given.study) as study:
+            asked = settings(study)
+            published = outcomes(study, plan(asked["trials"], asked["seed"]))[: given.trials]
+    except ValueError as error:
+        parser.error(str(error))
+    folder = user_cache_path("flexdrive") / "paired" / engine() / str(asked["seed"])
     joblib.Parallel(n_jobs=given.jobs)(
         joblib.delayed(one)(o["trial"], folder) for o in published if not _file(folder, o["trial"]).exists()
     )
@@ -52,10 +62,32 @@ def main() -> None:
         now = {**outcome["answer"], "diagnosis": {**outcome["answer"]["diagnosis"], **answer["diagnosis"]}}
         pairs.append((judge(outcome), judge({**outcome, "answer": now, "seconds": answer["seconds"]})))
         print(_line(*pairs[-1]))
-    print(f"\n| of {len(pairs)} data sets | published | present |\n|---|---|---|")
+    print(f"\n| of {len(pairs)} data sets | before | present |\n|---|---|---|")
     before, after = (_figures([p[i] for p in pairs]) for i in (0, 1))
     for name, a, b in zip(ROWS, before, after, strict=True):
         print(f"| {name} | {a} | {b} |")
+
+
+@contextmanager
+def study_folder(study: str) -> Iterator[Path]:
+    """Yield the folder of a study; one of the history is written to a temporary folder."""
+    revision, _, inside = study.partition(":")
+    if not inside or Path(study).is_dir():
+        yield Path(study)
+        return
+    with tempfile.TemporaryDirectory(prefix="flexdrive-") as name:
+        for file in ("study.json", PACKED):
+            asked = ["git", "-C", ROOT, "show", f"{revision}:{inside}/{file}"]
+            try:
+                content = subprocess.run(asked, capture_output=True, check=True).stdout
+            except (OSError, subprocess.CalledProcessError) as error:
+                said = getattr(error, "stderr", b"").decode().strip().rstrip(".") or str(error)
+                raise ValueError(
+                    f"study: {study!r} must be in the history of this repository; git says: {said}. Fetch the whole "
+                    "history (git fetch --unshallow), or give a folder of flexdrive blind."
+                ) from None
+            (Path(name) / file).write_bytes(content)
+        yield Path(name)
 
 
 def one(trial: Mapping[str, Any], folder: Path) -> None:
@@ -101,4 +133,6 @@ def _line(published: Judged, present: Judged) -> str:
         text = ", ".join(j.findings) + (", unnamed" if j.unnamed else "")
         return (text.strip(", ") or "nothing") + (" (in a tie)" if "tie" in how else "")
 
-    return f"{published.number:3d} {hidden}: published {said(published)}; present {said(present)} [{present.seconds:.0f} s]"
+    return (
+        f"{published.number:3d} {hidden}: before {said(published)}; present {said(present)} [{present.seconds:.0f} s]"
+    )

@@ -1,7 +1,6 @@
-"""``python docs/studies.py`` puts the figures of every study in docs/trial into docs/trial/studies.csv, one row a study.
+"""``python docs/studies.py`` writes the figures of the studies in docs/trial to docs/trial/studies.csv, one row a study.
 
-Rows of studies whose outcomes lie there no longer stay as they are; ``outcomes`` says where the history of this repository
-has them.
+Rows of other studies stay as they are. The column ``outcomes`` says where the history of this repository has their outcomes.
 """
 
 import csv

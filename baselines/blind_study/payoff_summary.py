@@ -1,4 +1,4 @@
-"""What designs on several drives gain on concealed rigs, over many rigs: medians, in pairs, and as tables."""
+"""Designs on several drives, compared on concealed rigs: medians over rigs, paired ratios, tables."""
 
 from __future__ import annotations
 
@@ -153,13 +153,23 @@ def tables(rows: Sequence[Row]) -> tuple[Table, Table]:
             *(f"{own.margin:.2f}", f"{own.worst_margin:.2f}", f"{own.broken_promise.value:.1%}", f"{own.stable:.0%}"),
         )
         for row in rows
-        # the command that is learnt leaves the loop as it is
+        # a command by iterative learning control leaves the loop as it is
         if not row.design.endswith(AHEAD)
         for drive, own in row.drives.items()
     ]
     return (
         (("design", *(f"rms on the {d} drive [mm]" for d in drives), *(f"rms {q}" for q in ratios)), tracking),
-        (("design", "made on", "median gain margin", "smallest", "off its promise", "stable on the rig"), margins),
+        (
+            (
+                "design",
+                "designed on",
+                "median gain margin",
+                "smallest",
+                "error of the predicted margin",
+                "stable on the rig",
+            ),
+            margins,
+        ),
     )
 
 
@@ -167,4 +177,4 @@ def _words(made: str) -> str:
     """Return a design's name in the registry, and what was done with it."""
     if made == P_HALF:
         return "p_x2 at half the predicted critical gain"
-    return f"{made.removesuffix(AHEAD)}, learnt command" if made.endswith(AHEAD) else made
+    return f"{made.removesuffix(AHEAD)}, iterative learning control" if made.endswith(AHEAD) else made

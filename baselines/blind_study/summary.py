@@ -1,4 +1,4 @@
-"""The figures of a study: how much is named, how much falsely, from which size on, and what the names are good for."""
+"""The figures of a study: hit rates, false positives, detection limits, and errors of parameters and predictions."""
 
 from __future__ import annotations
 
@@ -62,11 +62,11 @@ class Summary:
     pairs_both, pairs_one
         Pairs of which both, and at least one, were named.
     outside_unnamed, outside_silent, outside_misnamed
-        Effects in nobody's catalogue: reported as unnamed and nothing named; nothing said; some name given.
+        Effects outside the catalogue: reported as unnamed and nothing named; nothing said; some name given.
     null_names, null_alarms
         Of trials that conceal nothing at all: a name was given; a name or an unnamed effect was reported.
     false_names
-        Of all trials: at least one name that names nothing concealed.
+        Of all trials: at least one false positive, a name of something that is not concealed.
     faults, false_faults
         Broken encoders found; trials with a fault reported where there is none.
     over_floor
@@ -249,7 +249,7 @@ _AIMS: tuple[Aim, ...] = (
     ("single effects from half size on, named exactly", lambda s: s.exact, "≥ 80 %"),
     ("nulls with a name", lambda s: s.null_names, "≤ 2 %"),
     ("nulls with a name or an unnamed effect", lambda s: s.null_alarms, ""),
-    ("all trials with a name of nothing concealed", lambda s: s.false_names, ""),
+    ("trials with a false positive", lambda s: s.false_names, ""),
     ("pairs, both named", lambda s: s.pairs_both, "≥ 80 %"),
     ("pairs, at least one named", lambda s: s.pairs_one, ""),
     ("effects outside the catalogue reported as unnamed", lambda s: s.outside_unnamed, "≥ 80 %"),

@@ -44,10 +44,10 @@ def _sentences(summary: Summary) -> list[str]:
     if summary.null_names is not None and summary.false_names is not None:
         said.append(
             f"Where nothing is concealed, {summary.null_names.hits} of {summary.null_names.trials} diagnoses give a name; "
-            f"{summary.false_names.value:.0%} of all trials have a name of something that is not there."
+            f"{summary.false_names.value:.0%} of all trials have a false positive."
         )
     if summary.outside_unnamed is not None:
-        said.append(f"Effects in nobody's catalogue are reported as unnamed in {summary.outside_unnamed}.")
+        said.append(f"Effects outside the catalogue are reported as unnamed in {summary.outside_unnamed}.")
     return said
 
 
@@ -62,28 +62,28 @@ def _aims(summary: Summary) -> Section:
 
 
 def _confusion(summary: Summary) -> Section:
-    section = Section("What was said of what", "confusion")
+    section = Section("Confusion matrix", "confusion")
     if summary.confusion:
         section.figure(plots.plot_confusion(summary), "Number of trials; a pair counts once for each of its effects.")
     return section
 
 
 def _detection(summary: Summary) -> Section:
-    section = Section("From which size on", "detection")
+    section = Section("Detection limits", "detection")
     if summary.detection:
         section.figure(
             plots.plot_detection(summary),
-            "Logistic curves with a common slope; with few trials an effect's limit leans on the others'.",
+            "Logistic curves with a common slope. With few trials an effect's limit depends on those of the others.",
         )
     return section
 
 
 def _worth(summary: Summary, trials: Sequence[Judged]) -> Section:
-    section = Section("What the names are good for", "worth")
+    section = Section("Predictions and parameters", "worth")
     section.figure(
         plots.plot_gains(trials),
-        "Left: the critical gain from x2 that each drive predicts. Right: how near the floor the diagnosis comes on "
-        "recordings held out.",
+        "Left: error of the critical gain from x2 that each drive predicts. Right: rms on held-out recordings over "
+        "the floor.",
     )
     section.table(
         ("parameter", "median relative error", "truth inside the 95 % interval"),
@@ -93,14 +93,14 @@ def _worth(summary: Summary, trials: Sequence[Judged]) -> Section:
 
 
 def _loops(paid: Sequence[Row]) -> Section:
-    section = Section("Closing the loop on the concealed rigs", "loops")
+    section = Section("Closed loops on the concealed rigs", "loops")
     if paid:
         section.text(
             "Controllers designed on the handout's tied fit, on the free fit and on the diagnosed drive, each run on the "
             "concealed rig under the same nuisance, three times the handout's trajectory of 8 s. Ratios are paired by rig; below "
-            "1 the diagnosis pays. A learnt command is what the drive with all its named physics asks for. Whether a loop is "
-            "stable is seen on the rig as it is; margins are those without its dry friction, on which no design may lean, but "
-            "for P-control, whose critical gain is a matter of friction."
+            "1 the design on the diagnosed drive tracks better. Iterative learning control takes its command from simulations of "
+            "the drive with all its named physics. Stability is that of the rig with dry friction. Margins are those without it, "
+            "except of P-control, whose critical gain depends on friction."
         )
         for columns, rows in tables(paid):
             section.table(columns, rows)

@@ -23,7 +23,7 @@ _LAST = ("in a tie", "unnamed", "nothing")
 
 @styled
 def plot_confusion(summary: Summary) -> Figure:
-    """Draw what was concealed against what was said of it, as counts."""
+    """Draw the confusion matrix: concealed effects against answers, as counts."""
     rows = sorted(summary.confusion, key=lambda name: (name == "nothing", "@" not in name, name))
     said = {s for counts in summary.confusion.values() for s in counts}
     columns = [*sorted(said - set(_LAST)), *(s for s in _LAST if s in said)]
@@ -48,7 +48,7 @@ def plot_confusion(summary: Summary) -> Figure:
     axes.set_xlabel("said")
     axes.grid(visible=True, linewidth=0.3)
     axes.set_axisbelow(True)
-    heading(figure, "Green: right; light: in a tie; grey: not named; red: another's name")
+    heading(figure, "Green: correct; light: in a tie; grey: not named; red: another name")
     return figure
 
 

@@ -1,7 +1,8 @@
-"""The figures of the concealed trial are those of the outcomes that lie beside the page."""
+"""The figures of the concealed trial are those of the outcomes in the repository."""
 
 import hashlib
 import json
+import re
 import runpy
 
 import pytest
@@ -12,50 +13,64 @@ from baselines.blind_study.study import outcomes, settings
 from baselines.blind_study.summary import headline, summarise
 from tests.docs.pages import ROOT, read
 
-# studies whose outcomes lie beside the page: of the present diagnosis, and of the one before it
-PRESENT, BEFORE = ROOT / "docs/trial/begun_13", ROOT / "docs/trial/seed_9"
+# the only study whose outcomes are kept beside the page
+LATEST = ROOT / "docs/trial/begun_13"
 
 
-def found_in(folder):
-    asked = settings(folder)
-    return outcomes(folder, plan(asked["trials"], asked["seed"]))
+@pytest.fixture(scope="module")
+def found():
+    asked = settings(LATEST)
+    return outcomes(LATEST, plan(asked["trials"], asked["seed"]))
 
 
-def figures_of(folder):
-    return headline(summarise([judge(outcome) for outcome in found_in(folder)]))
+@pytest.fixture(scope="module")
+def figures(found):
+    return headline(summarise([judge(outcome) for outcome in found]))
 
 
-@pytest.mark.parametrize("folder", [PRESENT, BEFORE], ids=lambda f: f.name)
-def test_every_figure_is_the_study_s(folder):
+@pytest.fixture(scope="module")
+def studies():
+    return runpy.run_path(str(ROOT / "docs/studies.py"))
+
+
+def test_every_figure_is_the_study_s(figures):
     page = read("docs/trial.md")
-    for what, value, aim in figures_of(folder):
+    for what, value, aim in figures:
         assert f"| {what} | {value} | {aim} |" in page
-    assert f"flexdrive blind --report -o docs/trial/{folder.name}" in page
+    assert f"flexdrive blind --report -o docs/trial/{LATEST.name}" in page
 
 
-def test_the_readme_has_figures_of_the_present_diagnosis():
+def test_the_readme_has_figures_of_the_latest_study(found, figures):
     readme = read("README.md")
-    named = [f"| {what} | {value} | {aim} |" for what, value, aim in figures_of(PRESENT) if f"| {what} |" in readme]
+    named = [f"| {what} | {value} | {aim} |" for what, value, aim in figures if f"| {what} |" in readme]
     assert len(named) >= 5
     assert all(row in readme for row in named)
-    assert f"{len(found_in(PRESENT))} of 200" in readme
-    assert f"flexdrive blind --report -o docs/trial/{PRESENT.name}" in readme
+    assert f"{len(found)} of 200" in readme
+    assert f"flexdrive blind --report -o docs/trial/{LATEST.name}" in readme
 
 
-@pytest.mark.parametrize("folder", [PRESENT, BEFORE], ids=lambda f: f.name)
-def test_a_study_s_row_is_that_of_its_outcomes(folder):
-    figures = runpy.run_path(str(ROOT / "docs/studies.py"))
-    row = next(r for r in figures["rows"]() if r["study"] == folder.name)
-    assert row | figures["row"](folder) == row
+def test_the_row_of_the_latest_study_is_that_of_its_outcomes(studies):
+    row = next(r for r in studies["rows"]() if r["study"] == LATEST.name)
+    assert row | studies["row"](LATEST) == row
 
 
-def test_studies_are_compared_by_their_figures():
+def test_outcomes_of_the_latest_study_alone_are_kept(studies):
+    assert [p.name for p in (ROOT / "docs/trial").iterdir() if p.is_dir()] == [LATEST.name]
+    for row in studies["rows"]():
+        where = row["outcomes"]
+        if row["study"] == LATEST.name:
+            assert where == f"docs/trial/{LATEST.name}"
+        elif row["seed"].isdecimal():
+            assert re.fullmatch(rf"git show [0-9a-f]{{7}}:docs/trial/{row['study']}/outcomes.jsonl.gz", where)
+
+
+def test_studies_are_compared_by_their_figures(studies):
     page = read("docs/trial.md").splitlines()
-    studies = runpy.run_path(str(ROOT / "docs/studies.py"))["rows"]()
-    assert [row["study"] for row in studies if row["seed"].isdecimal()] == [
+    rows = [row for row in studies["rows"]() if row["seed"].isdecimal()]
+    assert [row["study"] for row in rows] == [
         "seed_1", "begun_2", "seed_3", "begun_5", "seed_6", "begun_7", "begun_8", "seed_9", "begun_10", "begun_11", "begun_13",
     ]  # fmt: skip
-    for row in (r for r in studies if r["seed"].isdecimal()):
+    for row in rows:
         line = next(text for text in page if text.startswith(f"| `{row['study']}`"))
         nulls, pairs, unnamed, unnoticed = (
             row[what].split(" = ")[0]
@@ -74,8 +89,18 @@ def test_studies_are_compared_by_their_figures():
         assert abs(seconds - float(row["seconds per diagnosis on one core, median"])) < 0.5, row["study"]
 
 
-def test_truths_are_what_was_sealed():
+def test_truths_are_what_was_sealed(found):
     """The hash was printed before the diagnosis began; a truth is written as one indented JSON object."""
-    for outcome in (*found_in(PRESENT), *found_in(BEFORE)):
+    for outcome in found:
         text = json.dumps(outcome["truth"], indent=1, sort_keys=True) + "\n"
         assert hashlib.sha256(text.encode()).hexdigest() == outcome["sha256"]
+
+
+def test_a_study_that_the_history_lacks_is_an_error_with_a_remedy():
+    from benchmarks.paired import study_folder
+
+    with (
+        pytest.raises(ValueError, match="must be in the history.*git fetch --unshallow.*or give a folder"),
+        study_folder("0000000:docs/trial/seed_0"),
+    ):
+        pass
