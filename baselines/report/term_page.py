@@ -75,21 +75,21 @@ def _sentences(term: Term) -> list[str]:
     if term.changes:
         first = sorted(changed, key=lambda c: c.p_value)[:3]
         more = f" ({len(changed)} changes in all)" if len(changed) > 3 else ""
-        text = "; ".join(c.sentence() for c in first) or "since the term before nothing changed beyond chance"
+        text = "; ".join(c.sentence() for c in first) or "no parameter changed significantly since the term before"
         lines.append(f"{text[0].upper()}{text[1:]}{more}.")
     return lines
 
 
 def _outliers(term: Term) -> Section:
-    section = Section("Who stands out", "outliers")
+    section = Section("Outliers", "outliers")
     if term.outliers:
         section.table(
             ("group", "what", "why"),
             [(o.group.replace(" ", "\u00a0"), _KINDS[o.kind], o.sentence) for o in term.outliers],
         )
         section.text(
-            "A parameter stands out where the others, with the spread that rigs have, predict another value: 5 % over all "
-            "groups and parameters together."
+            "A parameter is an outlier if it differs significantly from what the other rigs predict by mean and spread: 5 % over "
+            "all groups and parameters."
         )
     return section
 
@@ -211,7 +211,7 @@ def _spreads(term: Term) -> Section:
         return section
     section.figure(
         plots.plot_spreads(term.spreads),
-        "Standard deviation of each parameter, in per cent of its value, estimated together (REML); bars: 95 %.",
+        "Standard deviation of each parameter, in per cent of its value, jointly estimated (REML); bars: 95 %.",
     )
     for level, text in _BETWEEN.items():
         own = sorted((s for s in term.spreads if s.level == level), key=lambda s: -s.value)
@@ -237,7 +237,9 @@ def _changes(term: Term) -> Section:
     section = Section("Since the term before", "changes")
     if term.changes:
         section.figure(plots.plot_changes(term), "Change of every parameter of every rig that is in both terms.")
-        section.items([f"{c.sentence()}." for c in term.changes if c.significant] or ["Nothing changed beyond chance."])
+        section.items(
+            [f"{c.sentence()}." for c in term.changes if c.significant] or ["No parameter changed significantly."]
+        )
     return section
 
 

@@ -137,5 +137,5 @@ def plot_changes(term: Term) -> Figure:
     axes.axvline(0.0, color="black", linewidth=0.6)
     _groups(axes, names)
     axes.set_xlabel("change [%]")
-    heading(figure, "Filled: beyond chance; bars: 95 %")
+    heading(figure, "Filled: significant; bars: 95 %")
     return figure

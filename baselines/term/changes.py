@@ -1,4 +1,4 @@
-r"""Terms side by side: what changed on the same rig since an earlier term.
+r"""Terms compared: what changed on the same rig since an earlier term.
 
 The ratio of a parameter between two terms has the variance :math:`s_a^2 + s_b^2` of its logarithm, both from the spread between
 runs, with Welch's degrees of freedom. p-values are corrected over all comparisons of a pair of terms (Holm).
@@ -56,8 +56,8 @@ class Change:
         rig = f"the mean of {self.rig}" if self.rig == ALL_RIGS else self.rig
         since = f"since {self.before.replace('_', ' ')} {self.parameter} of {rig}"
         if not self.significant:
-            may = " but for chance, as many figures are compared" if low * high > 0.0 else " beyond chance"
-            return f"{since} did not change{may}: {change:+.0f} % [{low:+.0f}, {high:+.0f}]"
+            corrected = " after correction for multiple comparisons" if low * high > 0.0 else ""
+            return f"{since} did not change significantly{corrected}: {change:+.0f} % [{low:+.0f}, {high:+.0f}]"
         if change > 0.0:
             return f"{since} rose by {change:.0f} % [{low:.0f}, {high:.0f}]"
         return f"{since} fell by {-change:.0f} % [{-high:.0f}, {-low:.0f}]"

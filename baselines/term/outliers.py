@@ -48,7 +48,7 @@ class Outlier:
     what
         Parameter, place, or the other group.
     p_value
-        After correction; ``None`` where no chance is involved.
+        After correction; ``None`` where there is no test.
     sentence
         What stands out and what to do.
     """

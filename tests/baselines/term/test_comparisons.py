@@ -169,5 +169,5 @@ def test_chance_among_many_comparisons_is_no_change():
     found = {c.rig: c for c in changes({"a": old, "b": new})}
     assert found["rig 7"].ci95[0] > 1.0
     assert not found["rig 7"].significant
-    assert "did not change but for chance, as many figures are compared" in found["rig 7"].sentence()
+    assert "did not change significantly after correction for multiple comparisons" in found["rig 7"].sentence()
     assert found["all rigs"].ratio == pytest.approx(1.15 ** (1 / 20), rel=1e-3)
