@@ -297,7 +297,7 @@ class Fleet:
             layout.LEAPS: number,
             layout.SHORT: int(short),
             layout.ENTRIES: len(self.bound),
-            layout.PREVIEWS: len(task.ahead),
+            layout.PREVIEWS: len(task.preview_periods),
             layout.SAMPLES: self.arrays["lookup"].shape[1],
             layout.REFERENCES: task.references.shape[0],
             layout.ONE_BY_ONE: int(self.one_by_one),
@@ -354,15 +354,15 @@ def _lookup(task: Task, scale: FloatArray, bound: FloatArray) -> npt.NDArray[Any
 
     All that a drive looks up in a step is then in one place.
     """
-    instants = (0, *task.ahead)
+    instants = (0, *task.preview_periods)
     row = np.dtype([("exact", np.float64), ("shown", np.float32, (len(instants),))], align=True)
     samples = task.horizon + 2
     table = np.zeros((len(task.references), samples), dtype=row)
     table["exact"] = task.references[:, :samples]
     # entries are error, reference, command, preview at the end
-    places = (-2 - len(task.ahead), *range(-len(task.ahead), 0))
-    for k, (ahead, place) in enumerate(zip(instants, places, strict=True)):
-        values = task.references[:, ahead : ahead + samples] * scale[place]
+    places = (-2 - len(task.preview_periods), *range(-len(task.preview_periods), 0))
+    for k, (later, place) in enumerate(zip(instants, places, strict=True)):
+        values = task.references[:, later : later + samples] * scale[place]
         table["shown"][:, :, k] = np.clip(values, -bound[place], bound[place])
     return table
 

@@ -176,7 +176,7 @@ class Task:
         return own if isfinite(own) else HANDOUT_LIMIT_V
 
     @property
-    def ahead(self) -> np.ndarray:
+    def preview_periods(self) -> np.ndarray:
         """Preview in control periods, ndarray of int."""
         return np.array([round(a / self.control_period) for a in self.preview], dtype=np.int64)
 
@@ -285,8 +285,8 @@ class Task:
         return Randomisation(covariance.names, low, high, np.ascontiguousarray(factor))
 
     def _references(self) -> FloatArray:
-        ahead = int(self.ahead.max(initial=0))
-        t = np.arange(self.horizon + ahead + 2) * self.control_period
+        longest = int(self.preview_periods.max(initial=0))
+        t = np.arange(self.horizon + longest + 2) * self.control_period
         rows = RANDOM_REFERENCES if is_random(self.reference) else 1
         rng = np.random.default_rng(0)  # the pool is part of the task; which row an episode takes comes from its seed
         table = np.ascontiguousarray([sample_reference(self.reference, t, rng) for _ in range(rows)])

@@ -101,7 +101,7 @@ def entries(
 
 
 def previewed_entries(drive: Drive, classical: Sequence[Entry], learnt: Sequence[Entry]) -> list[Entry]:
-    """Return Lab 4, LQG and the cascade once more, told the reference ahead as the learnt policies are.
+    """Return Lab 4, LQG and the cascade once more, with a preview of the reference as the learnt policies have.
 
     A policy sees the reference for some time ahead, which no design of the handout does. So that both know the same, each of
     :data:`PREVIEWED` among the classical entries is run with the reference shifted by a fixed lead, at most as long as the

@@ -92,14 +92,14 @@ def lqg(
     Ar, Br, Cr, Dr = _reference_model(drive, sample_time, n)
     r = len(Ar)
     gains = np.hstack([np.asarray(K), np.ones((1, 1))])
-    ahead = np.hstack([np.asarray(K), np.ones((1, 1))])
+    direct = np.hstack([np.asarray(K), np.ones((1, 1))])
     correct = np.eye(n + 1) - M @ Ca
     pick = np.zeros((len(rows), 3))
     for i, row in enumerate(rows):
         pick[i, 1 + row] = 1.0
     # u = [K 1]·(x_r, u_r) - [K 1]·(x̂, d̂) with the estimate corrected by the present reading
-    Cu = np.hstack([-gains @ correct, ahead @ Cr])
-    Du = -gains @ M @ pick + ahead @ Dr @ np.array([[1.0, 0.0, 0.0]])
+    Cu = np.hstack([-gains @ correct, direct @ Cr])
+    Du = -gains @ M @ pick + direct @ Dr @ np.array([[1.0, 0.0, 0.0]])
     drives_observer = Aa @ np.hstack([correct, np.zeros((n + 1, r))])
     Atop = drives_observer + Ba @ Cu
     Btop = Aa @ M @ pick + Ba @ Du

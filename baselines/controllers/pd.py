@@ -36,11 +36,11 @@ def pd_law(Kp: float, Kd: float, drive: Drive) -> control.StateSpace:
     import control  # noqa: PLC0415  (costs a second; used here only)
 
     damper = control.ss(control.tf([Kd, 0.0], [1.0 / DERIVATIVE_POLE, 1.0]))
-    ahead = feed_forward(drive)
+    forward = feed_forward(drive)
     if drive.carts == 2:
-        ahead = ahead + Kp * spring_feed_forward(drive)
+        forward = forward + Kp * spring_feed_forward(drive)
     split = [[1.0, -1.0, 1.0], [1.0, -1.0, 0.0], [1.0, 0.0, 0.0]]
-    return gain([[1.0, 1.0, 1.0]]) * stack(gain(Kp), damper, ahead) * gain(split)
+    return gain([[1.0, 1.0, 1.0]]) * stack(gain(Kp), damper, forward) * gain(split)
 
 
 def pd_candidates(drive: Drive) -> list[tuple[float, float]]:

@@ -214,10 +214,12 @@ class PolicyBatch:
         self._previous = now
         carts = {"collocated": (0,), "non_collocated": (1,), "full_state": (0, 1)}[self._task.sensing]
         last = len(self._table) - 1
-        ahead = [float(self._table[min((self._period + int(a)) * self._step, last)]) for a in self._task.ahead]
+        preview = [
+            float(self._table[min((self._period + int(a)) * self._step, last)]) for a in self._task.preview_periods
+        ]
         columns = [c for i in carts for c in (now[:, i], self._speed[:, i])]
         columns += [xr - now[:, carts[-1]], np.full(len(now), xr), self._u]
-        columns += [np.full(len(now), value) for value in ahead]
+        columns += [np.full(len(now), value) for value in preview]
         values = np.column_stack(columns)
         limited = np.clip(values, -self._bounds, self._bounds)
         return np.asarray(limited / self._bounds if self._task.normalise else limited, dtype=np.float32)

@@ -1,7 +1,7 @@
 """One controller on many drives, on the rig at 1 kHz: the one road that comparisons, margins and sweeps take.
 
-A linear controller runs in the compiled loop. A policy that answers for many observations at once commands all drives side by
-side. Any other black box is called sample by sample, drive by drive. All three return the same: true states and commands.
+A linear controller runs in the compiled loop. A policy that answers for many observations at once commands all drives
+in one batch. Any other black box is called sample by sample, drive by drive. All three return the same: true states and commands.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ RIG_TIME_S = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Previewed:
-    """A linear controller that is told the reference some time ahead, as a policy with a preview is.
+    """A linear controller with a fixed preview of the reference, as a policy has one.
 
     Parameters
     ----------
     controller
-        Its loop is its own: told ahead, it has the same margins.
+        Its loop and its margins do not change with the preview.
     lead
         [s], whole samples of the rig.
     """
@@ -38,7 +38,7 @@ class Previewed:
     controller: LinearController
     lead: float
 
-    def ahead(self, xr: FloatArray, sample_time: float) -> FloatArray:
+    def previewed(self, xr: FloatArray, sample_time: float) -> FloatArray:
         """Return the reference as the controller hears it, ndarray, shape (n,) [mm].
 
         It starts from where the reference starts, the lead growing with time, lest a design that differentiates it gets a jump;
@@ -88,7 +88,7 @@ def run_many(
     """
     reference = np.asarray(xr, dtype=np.float64)
     if isinstance(controller, Previewed):
-        reference, controller = controller.ahead(reference, sample_time), controller.controller
+        reference, controller = controller.previewed(reference, sample_time), controller.controller
     if isinstance(controller, LinearController):
         return run_batch(drives, reference, controller, gains=gains, late=late, start=start, sample_time=sample_time)
     jobs = len(drives)

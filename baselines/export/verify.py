@@ -254,8 +254,8 @@ def _agent_run(agent: Agent, drive: Drive) -> tuple[FloatArray, FloatArray]:
     run = drive.simulate_closed_loop(np.arange(len(xr)) * task.control_period, xr, controller)
     assert run.x1 is not None
     last = len(xr) - 1
-    ahead = [xr[np.minimum(np.arange(len(xr)) + int(a), last)] for a in task.ahead]
-    return np.column_stack([xr, *ahead, run.x1, run.x1 if run.x2 is None else run.x2]), run.u
+    preview = [xr[np.minimum(np.arange(len(xr)) + int(a), last)] for a in task.preview_periods]
+    return np.column_stack([xr, *preview, run.x1, run.x1 if run.x2 is None else run.x2]), run.u
 
 
 def _reference(sample_time: float) -> FloatArray:

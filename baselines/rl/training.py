@@ -65,7 +65,7 @@ class Plan:
     steps
         Control periods of all drives together; rounded up to whole rollouts.
     envs
-        Drives side by side.
+        Drives in the batch.
     history
         Observations the agent looks at, the present one included.
     threads

@@ -49,7 +49,7 @@ def advance(
 ) -> tuple[float, float, float, float]:
     """Advance the drive by one control sample under a held command; return x1, v1, x2, v2.
 
-    ``step`` is that of one drive or, given packs, of recordings side by side. An input delay of whole samples plus a remainder
+    ``step`` is that of one drive or, given packs, of recordings in lanes. An input delay of whole samples plus a remainder
     makes the sample two pieces: the older command acts for the remainder, the newer one for the rest.
     """
     u = commanded(command, t, z, p)

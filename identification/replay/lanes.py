@@ -17,7 +17,7 @@ from flexdrive_gym.drive.effects import LEVEL_1, LEVEL_2, N_PARAMETERS
 from flexdrive_gym.drive.parameters import substeps
 from flexdrive_gym.drive.sample import MEMORY, advance, anchor, measure, power_up, push
 from flexdrive_gym.drive.simd.pack import WIDTH, chosen, lane, packs_at, spread, with_lane
-from flexdrive_gym.drive.simd.step import MEMORIES, WORKSPACES, begin_together, step_together
+from flexdrive_gym.drive.simd.step import MEMORIES, WORKSPACES, begin_lanes, step_lanes
 from flexdrive_gym.recording import FloatArray
 from identification.replay.output_error import PHYSICS_S, RUNAWAY, Run, drive_vector
 
@@ -73,7 +73,7 @@ def replay_lanes(
         told, start = packs_at(shifted(where, group[_BEGIN])), packs_at(shifted(begin, 4 * g * WIDTH))
         offset = packs_at(shifted(way, g * WIDTH))[0]
         x1, v1, x2, v2 = start[0], start[1], start[2], start[3]
-        begin_together(v1, v2, h[g], substeps, table, m, w, q)
+        begin_lanes(v1, v2, h[g], substeps, table, m, w, q)
         if levels.shape[0] > 0:
             own = packs_at(shifted(pointer(levels), 2 * g * WIDTH))
             w[LEVEL_1], w[LEVEL_2] = own[0], own[1]
@@ -103,7 +103,7 @@ def replay_lanes(
                 t = i * h[g]
                 if pushes.shape[0] > 0:
                     push(_of_lanes(pushes, group, 0, i), _of_lanes(pushes, group, 1, i), w)
-                x1, v1, x2, v2 = advance(step_together, x1, v1, x2, v2, told[k], t, h[g], substeps, table, m, w, q)
+                x1, v1, x2, v2 = advance(step_lanes, x1, v1, x2, v2, told[k], t, h[g], substeps, table, m, w, q)
                 anchor(told[k + _PER_SAMPLE + 1] + offset, told[k + _PER_SAMPLE + 2] + offset, x1, x2, w)
                 r1, r2, s1, s2 = measure(x1, v1, x2, v2, t + h[g], h[g], m, w, q)
 

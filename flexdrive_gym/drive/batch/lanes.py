@@ -1,4 +1,4 @@
-"""Integrate a group of strips: drives with base effects side by side, any others one by one.
+"""Integrate a group of strips: drives with base effects in SIMD lanes, any others one by one.
 
 Nearly all drives are done by a first loop over all lanes. Those with an event inside the leap are moved together and go from
 event to event in a second loop of the same kind, in rounds that become fewer. Every lane's arithmetic is that of

@@ -1,4 +1,4 @@
-"""Drives side by side, for controllers that are asked from outside the compiled loop.
+"""A batch of drives, for controllers that are asked from outside the compiled loop.
 
 Whoever commands reads all encoders at once, decides for all, and lets every drive go on for a few samples: so a learnt policy
 is evaluated once for a whole batch. The physics is the compiled step's; nothing is integrated here.
@@ -20,7 +20,7 @@ from flexdrive_gym.recording import FloatArray
 
 
 class Lockstep:
-    """Drives that run side by side.
+    """A batch of drives that run in step.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-r"""Drives with base effects only, from event to event by power series; the step of many drives side by side.
+r"""Drives with base effects only, from event to event by power series; the step of a batch of drives.
 
 Between events such a drive is linear with a constant force, so position and velocity are power series in the time since
 the last event. With :math:`\tau = t/h` and the forces of :mod:`flexdrive_gym.drive.forces`, which are linear,

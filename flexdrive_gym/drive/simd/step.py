@@ -1,7 +1,7 @@
 """The step of several recordings of one drive at once, in the lanes of a :mod:`pack <flexdrive_gym.drive.simd.pack>`.
 
 Most steps see no event: carts that slide go on sliding, carts that stick go on sticking. Such steps are taken by all lanes
-together. Where an event ends the piece, that lane takes its step by itself (:mod:`flexdrive_gym.drive.step`), from a copy of
+at once. Where an event ends the piece, that lane takes its step by itself (:mod:`flexdrive_gym.drive.step`), from a copy of
 what the effects remember. The arithmetic of a lane is that of a single drive in the same order, so its motion is the same to
 the last bit.
 """
@@ -40,7 +40,7 @@ def separate(z: Any) -> None:
 
 
 @inlined
-def step_together(
+def step_lanes(
     x1: Any, v1: Any, x2: Any, v2: Any, u: Any, t: float, h: float, table: Any, z: Any, p: Any
 ) -> tuple[Any, Any, Any, Any]:
     """Advance all lanes by h seconds, each under a constant force; return x1, v1, x2, v2."""
@@ -110,9 +110,7 @@ def _with_events(
 
 
 @inlined
-def begin_together(
-    v1: Any, v2: Any, sample_time: float, substeps: int, table: Any, memory: Any, z: Any, p: Any
-) -> None:
+def begin_lanes(v1: Any, v2: Any, sample_time: float, substeps: int, table: Any, memory: Any, z: Any, p: Any) -> None:
     """Tabulate the step of the drive, and clear what all lanes remember that start at these velocities."""
     tabulate(sample_time / substeps, table, p)
     clear(v1, v2, memory, z, p)

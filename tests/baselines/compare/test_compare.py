@@ -240,7 +240,7 @@ def test_a_reference_by_name_is_the_environments():
             named_reference(wrong)
 
 
-def test_what_policies_see_ahead_a_design_may_be_told(tmp_path):
+def test_a_design_may_have_the_preview_of_the_policies(tmp_path):
     """The lead tuned along random moves also helps along the handout's trajectory, and leaves the loop alone."""
     classical, _skipped = entries(DRIVE, ["p_x2", "lab4"], limit=8.0)
     learnt = agent_entries(DRIVE, write_agents(tmp_path, (0.1,)))
