@@ -157,7 +157,7 @@ def compare(
             found[label] = _compare(rig, asked, _names(agents), _seconds(periods), options)
             if folder is not None:
                 found[label].pages = _write(found[label].result, folder)
-        both = _write_side_by_side(found, output) if len(found) > 1 and output is not None else []
+        both = _write_drives_page(found, output) if len(found) > 1 and output is not None else []
     if json:
         each = {label: f.as_json() for label, f in found.items()}
         print_json(each[next(iter(each))] if len(each) == 1 else {"drives": each, "pages": both})
@@ -167,9 +167,9 @@ def compare(
         for remark in f.remarks:
             say(f"note: {remark}")
     if len(found) > 1:
-        from baselines.compare.tables import side_by_side  # noqa: PLC0415
+        from baselines.compare.tables import drives_table  # noqa: PLC0415
 
-        beside = side_by_side([(label, f.result) for label, f in found.items()])
+        beside = drives_table([(label, f.result) for label, f in found.items()])
         table(beside.title, beside.columns, beside.rows)
     for page in [*(p for f in found.values() for p in f.pages), *both]:
         say(f"wrote {page}")
@@ -282,10 +282,10 @@ def _write(result: Comparison, output: Path) -> list[Path]:
         return write_comparison(result, output)
 
 
-def _write_side_by_side(found: dict[str, Found], output: Path) -> list[Path]:
-    from baselines.report.comparison_pages import write_side_by_side  # noqa: PLC0415
+def _write_drives_page(found: dict[str, Found], output: Path) -> list[Path]:
+    from baselines.report.comparison_pages import write_drives_page  # noqa: PLC0415
 
-    return [write_side_by_side({label: f.result for label, f in found.items()}, output)]
+    return [write_drives_page({label: f.result for label, f in found.items()}, output)]
 
 
 def _as_json(result: Comparison) -> dict[str, object]:

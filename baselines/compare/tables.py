@@ -168,7 +168,7 @@ def tables(found: Comparison) -> list[Table]:
     ]
 
 
-def side_by_side(found: Sequence[tuple[str, Comparison]]) -> Table:
+def drives_table(found: Sequence[tuple[str, Comparison]]) -> Table:
     """Return controllers on several drives: a row each, and columns for every drive.
 
     Parameters

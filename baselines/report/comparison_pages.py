@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from baselines.compare import Comparison, headline
-from baselines.compare.tables import LINEAR, side_by_side, tables, with_friction
+from baselines.compare.tables import LINEAR, drives_table, tables, with_friction
 from baselines.report.compare_page import build_compare_page
 from baselines.report.page import Section, render
 from baselines.report.teaching_page import build_teaching_page
@@ -22,7 +22,7 @@ def write_comparison(comparison: Comparison, folder: str | Path) -> list[Path]:
     return [write_atomically(Path(folder) / name, page.encode()) for name, page in pages.items()]
 
 
-def write_side_by_side(found: Mapping[str, Comparison], folder: str | Path) -> Path:
+def write_drives_page(found: Mapping[str, Comparison], folder: str | Path) -> Path:
     """Write ``compare.html``, the same controllers on several drives, into a folder; return its path.
 
     Parameters
@@ -31,7 +31,7 @@ def write_side_by_side(found: Mapping[str, Comparison], folder: str | Path) -> P
         Label of a drive to its comparison; the label is the folder of its own pages.
     """
     beside = Section("Side by side", "beside")
-    table = side_by_side(list(found.items()))
+    table = drives_table(list(found.items()))
     beside.table(table.columns, table.rows)
     beside.text(LINEAR)
     for said in dict.fromkeys(with_friction(comparison.drive.units) for comparison in found.values()):

@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 
 from baselines.cli import app
 from baselines.compare import cases_of, compare, entries, is_own, load_linear, load_own, own_entry
-from baselines.compare.tables import doing, loop_words, side_by_side
-from baselines.report.comparison_pages import write_side_by_side
+from baselines.compare.tables import doing, drives_table, loop_words
+from baselines.report.comparison_pages import write_drives_page
 from flexdrive_gym import DEFAULT_DRIVE, LinearController, PControl, save_drive
 from tests.each import each
 
@@ -141,11 +141,11 @@ def test_a_comparison_prints_as_tables_and_sits_beside_another(tmp_path):
     assert "mine" in text.splitlines()[2]
     assert "GM linear" in text
     assert "GM with friction" in text
-    beside = side_by_side(list(found.items()))
+    beside = drives_table(list(found.items()))
     assert beside.columns[1] == "a: rms e [mm]"
     assert beside.columns[5] == "b: rms e [mm]"
     assert [row[0] for row in beside.rows] == ["mine", "lab4"]
-    page = write_side_by_side(found, tmp_path).read_text()
+    page = write_drives_page(found, tmp_path).read_text()
     assert "a: rms e [mm]" in page
     assert "b/compare.html" in page
 
