@@ -1,4 +1,4 @@
-"""Is a concealed day's nuisance like a real rig's? Floor, free fit and run-to-run spread of friction, side by side.
+"""Is a concealed data set's nuisance like a real rig's? Floor, free fit and run-to-run spread of friction, side by side.
 
 ``python -m benchmarks blind_nuisance`` looks for real recordings in ``../shared/recordings`` beside the repository.
 """
@@ -25,11 +25,11 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         for seed in range(NULLS):
             make_case(Path(folder) / f"null_{seed}", Path(folder) / f"{seed}.json", seed, "null")
-        days = sorted(Path(folder).glob("null_*"))
+        folders = sorted(Path(folder).glob("null_*"))
         if DATA.is_dir():
-            days = [DATA / "mte360_2022", DATA / "mte360_2025", *sorted((DATA / "blind").glob("case_*")), *days]
-        for day in days:
-            print(line(day.name, read_recordings(day)))
+            folders = [DATA / "mte360_2022", DATA / "mte360_2025", *sorted((DATA / "blind").glob("case_*")), *folders]
+        for path in folders:
+            print(line(path.name, read_recordings(path)))
 
 
 def line(name: str, runs: list[Recording]) -> str:
@@ -42,7 +42,7 @@ def line(name: str, runs: list[Recording]) -> str:
 
 
 def spread(runs: list[Recording], values: dict[str, float]) -> float:
-    """Relative spread of d1 + d2 between squares of one amplitude, all else held at the day's fit."""
+    """Relative spread of d1 + d2 between squares of one amplitude, all else held at the data set's fit."""
     fixed = {n: values[n] for n in ("m1", "m2", "k", "b1", "b2")}
     ratio = values["d2"] / values["d1"]
     groups: dict[float, list[float]] = {}

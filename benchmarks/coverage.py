@@ -1,8 +1,8 @@
 """Round trip: simulate, identify, and count how often the truth lies inside the 95 % intervals.
 
 Every draw is a new drive with a new data set of four squares and fourteen sines, encoder counts and raw-difference
-velocities. Either all that disturbs it is a coloured force that the recorded command does not show, or it is a day of the
-concealed trial on which nothing is left out: a rough track, and friction that differs from run to run and wanders.
+velocities. Either all that disturbs it is a coloured force that the recorded command does not show, or it is a data set
+of the concealed trial on which nothing is left out: a rough track, and friction that differs from run to run and wanders.
 """
 
 import tempfile
@@ -55,7 +55,7 @@ def disturbed(drive: Drive, kind: str, amplitude: float, frequency: float, rng: 
     return replace(run, u=u, x1=None, x2=None, excitation=Excitation(kind, amplitude, frequency))  # type: ignore[arg-type]
 
 
-def lab_day(drive: Drive, rng: np.random.Generator) -> list[Recording]:
+def data_set(drive: Drive, rng: np.random.Generator) -> list[Recording]:
     runs = [disturbed(drive, "square", a, 0.5, rng) for a in (1.5, 1.5, 2.0, 2.0)]
     return runs + [disturbed(drive, "sine", 2.5, f, rng) for f in FREQUENCIES_HZ]
 
@@ -63,13 +63,13 @@ def lab_day(drive: Drive, rng: np.random.Generator) -> list[Recording]:
 def shaken(seed: int) -> tuple[Drive, list[Recording]]:
     rng = np.random.default_rng(seed)
     drive = random_drive(rng)
-    return drive, lab_day(drive, rng)
+    return drive, data_set(drive, rng)
 
 
 def concealed(seed: int) -> tuple[Drive, list[Recording]]:
     with tempfile.TemporaryDirectory() as folder:
-        make_case(Path(folder) / "day", Path(folder) / "truth.json", seed, "null")
-        return Drive(dict(draw_truth(seed, "null").drive)), list(read_recordings(Path(folder) / "day"))
+        make_case(Path(folder) / "data", Path(folder) / "truth.json", seed, "null")
+        return Drive(dict(draw_truth(seed, "null").drive)), list(read_recordings(Path(folder) / "data"))
 
 
 def main(draws: int = DRAWS) -> None:
@@ -77,11 +77,11 @@ def main(draws: int = DRAWS) -> None:
     report("a rough track and friction that differs from run to run", concealed, draws)
 
 
-def report(what: str, day: Callable[[int], tuple[Drive, list[Recording]]], draws: int) -> None:
+def report(what: str, made: Callable[[int], tuple[Drive, list[Recording]]], draws: int) -> None:
     inside = dict.fromkeys(NAMES, 0)
     errors: dict[str, list[float]] = {name: [] for name in NAMES}
     for seed in track(range(draws), description="round trips"):
-        drive, recordings = day(seed)
+        drive, recordings = made(seed)
         found = identify_by_likelihood(recordings)
         for name in NAMES:
             low, high = found.drive.intervals[name]

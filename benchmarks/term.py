@@ -2,8 +2,9 @@
 
 ``python -m benchmarks term -o DIR [--groups 12] [--seed 1] [--no-diagnose] [--backend dask --scheduler ADDRESS]``
 
-Rigs of one course differ by 2 % in masses and spring, 5 % in viscous and 8 % in dry friction (assumed); their days are as rough
-as those of the blind study. Four things are wrong on purpose, and one rig conceals an effect; ``DIR/truth.json`` says which.
+Rigs of one course differ by 2 % in masses and spring, 5 % in viscous and 8 % in dry friction (assumed); their data sets
+are as rough as those of the blind study. Four things are wrong on purpose, and one rig conceals an effect;
+``DIR/truth.json`` says which.
 """
 
 import argparse
@@ -18,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from baselines.rig_simulator.recordings import as_text, lab_day, write_day
+from baselines.rig_simulator.recordings import as_text, data_set, write_data_set
 from baselines.rig_simulator.truth import draw_truth
 
 NOMINAL = {"m1": 7.6e-4, "m2": 3.4e-4, "b1": 9.5e-3, "b2": 3.2e-3, "k": 0.096, "d1": 0.36, "d2": 0.25}
@@ -41,9 +42,9 @@ def make_term(folder: Path, groups: int, seed: int) -> dict:
             drive["d1"] *= FRICTION
             truth["expected"][name] = ["parameter", "d1"]
         effect = EFFECT if n == conceals else None
-        day = draw_truth(int(rng.integers(2**31)), "effect" if effect else "null", size=2.0, effect=effect)
-        day, logs = lab_day(replace(day, drive=drive))
-        truth["groups"][name] = {"drive": drive, "effect": effect, "nuisance": vars(day.nuisance)}
+        made = draw_truth(int(rng.integers(2**31)), "effect" if effect else "null", size=2.0, effect=effect)
+        made, logs = data_set(replace(made, drive=drive))
+        truth["groups"][name] = {"drive": drive, "effect": effect, "nuisance": vars(made.nuisance)}
         if n == swapped:
             logs = tuple(replace(log, counts=log.counts * np.array([[1], [-1]])) for log in logs)
             truth["expected"][name] = ["sign", "encoder_2"]
@@ -57,7 +58,7 @@ def make_term(folder: Path, groups: int, seed: int) -> dict:
                 home / f"our_{log.experiment.kind}_{log.experiment.frequency:g}_{len(list(home.iterdir()))}.csv"
             ).write_text(as_text(log))
         if n != copied:
-            write_day(day, logs, home / ("lab session" if n % 3 == 1 else ""))
+            write_data_set(made, logs, home / ("lab session" if n % 3 == 1 else ""))
         if n == 1:
             first = logs
         if n == broken or n % 4 == 0:

@@ -21,7 +21,7 @@ class Trial:
     number
         From 0, in the order of running; any first part of the order is a fair sample.
     seed
-        Of the concealed rig, its day, and the diagnosis.
+        Of the concealed rig, its data set, and the diagnosis.
     kind
         What is concealed, as in :mod:`baselines.rig_simulator.truth`.
     effect
@@ -73,7 +73,7 @@ def _counts(trials: int) -> dict[Kind, int]:
 def _spread(
     makers: tuple[Maker, ...], sizes: tuple[float, ...], count: int, rng: np.random.Generator
 ) -> list[tuple[tuple[str, str], float]]:
-    """Return effects and sizes: ids in turn, the places of each in turn, and every size before one comes again."""
+    """Return effects and sizes: ids in turn, the places of each in turn, and every size before one is repeated."""
     ids = [str(i) for i in rng.permutation(sorted({m.id for m in makers}))]
     first = {i: int(rng.integers(len(sizes))) for i in ids}
     chosen = []

@@ -116,7 +116,7 @@ def experiment(
         PRECISION,
         SINE_V,
         SQUARES_V,
-        lab_day,
+        lab_session,
         limit_in_the_lab,
     )
     from baselines.lab.lab_scale import on_lab_scale  # noqa: PLC0415
@@ -144,7 +144,7 @@ def experiment(
         bench = RigBench(real, limits, tell=lambda sentence: None if json else print(sentence, file=sys.stderr))
         if not json and not simulated:
             say(_told(real, bench.limits))
-        for run in lab_day(
+        for run in lab_session(
             bench,
             squares=squares,
             sine_amplitude=SINE_V if sine is None else units.to_engine(sine, "V"),

@@ -210,7 +210,7 @@ def _stability(
         yield "2.4", bench.p_control(high, "x1", f"{closed_loop_name(high, 'x1', bench.units)}_collocated")
 
 
-def lab_day(
+def lab_session(
     bench: Bench,
     *,
     squares: Sequence[float] = SQUARES_V,

@@ -21,14 +21,14 @@ import numpy as np
 from baselines.rig_simulator.catalogue import CATALOGUE, OUTSIDE, Maker
 from baselines.rig_simulator.kernel import SAMPLE_S, FloatArray
 from baselines.rig_simulator.nuisance import Nuisance
-from baselines.rig_simulator.recordings import put, simulate_day
+from baselines.rig_simulator.recordings import put, simulate_data_set
 from baselines.rig_simulator.sizes import SIZES
 from baselines.rig_simulator.truth import Effect, Truth, draw_drive
 
 # what does not repeat on the quieter recorded rig [mm/s]
 FLOOR_MM_S = 2.9
 AIM, LEAST, MOST = 2.0, 1.5, 4.0
-DAYS = (11, 12, 13)
+SEEDS = (11, 12, 13)
 # a static level of three times the kinetic one, a hump as high as the level: more is no contact anybody builds;
 # 5 ms of delay, 4 % of scale: more is a wrong data sheet
 PLAUSIBLE = {"breakaway": 4.0, "stribeck": 3.0, "encoder_delay": 1.3, "encoder_scale": 1.0}
@@ -48,13 +48,13 @@ class Calibration:
 
 def _channels(truth: Truth) -> list[FloatArray]:
     """Return v1 and v2 as shown, not counted, of every open-loop run."""
-    shown = (log.shown for log in simulate_day(truth) if log.xr is None)
+    shown = (log.shown for log in simulate_data_set(truth) if log.xr is None)
     return [np.diff(row) / SAMPLE_S for pair in shown for row in pair]
 
 
 @cache
-def _day(seed: int) -> tuple[Truth, list[FloatArray], FloatArray]:
-    """Return a quiet day, its velocities, and an orthonormal basis of what seven parameters can do, shape (N, 7)."""
+def _quiet_data_set(seed: int) -> tuple[Truth, list[FloatArray], FloatArray]:
+    """Return a quiet data set, its velocities, and an orthonormal basis of what seven parameters can do, shape (N, 7)."""
     drive = draw_drive(np.random.default_rng(seed))
     truth = Truth("null", seed, drive, (), Nuisance(place=25.0))
     here = _channels(truth)
@@ -74,11 +74,11 @@ def _acting(parts: Sequence[FloatArray]) -> float:
 
 
 def measure(maker: Maker, strength: float) -> tuple[float, float]:
-    """Return the change and what a refit leaves of it, in floors, rms over the days."""
+    """Return the change and what a refit leaves of it, in floors, rms over the data sets."""
     change, left = [], []
-    for seed in DAYS:
-        truth, here, basis = _day(seed)
-        # one stream per maker and day: its periods and signs stay while its strength is sought
+    for seed in SEEDS:
+        truth, here, basis = _quiet_data_set(seed)
+        # one stream per maker and data set: its periods and signs stay while its strength is sought
         numbers = maker.make(np.random.default_rng([seed, 1]), truth.drive, strength)
         concealed = replace(truth, effects=(Effect(maker.id, maker.where, numbers, 1.0),))
         parts = [there - was for there, was in zip(_channels(concealed), here, strict=True)]

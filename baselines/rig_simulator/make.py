@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from baselines.rig_simulator.recordings import lab_day, put, write_day
+from baselines.rig_simulator.recordings import data_set, put, write_data_set
 from baselines.rig_simulator.truth import KINDS, draw_truth, seal
 
 
@@ -36,13 +36,13 @@ def make_case(
             f"truth: must lie outside the folder of the recordings, {folder}; got {truth_file}. Give another path."
         )
     known = next((k for k in KINDS if k == kind), None)
-    truth, logs = lab_day(draw_truth(seed, known, size=size, effect=effect))
+    truth, logs = data_set(draw_truth(seed, known, size=size, effect=effect))
     text = truth.json()
     # the seal is on disk before there is anything to diagnose
     put(truth_file, text.encode())
     digest = seal(text)
     put(truth_file.with_name(truth_file.name + ".sha256"), f"{digest}  {truth_file.name}\n".encode())
-    write_day(truth, logs, folder)
+    write_data_set(truth, logs, folder)
     return digest
 
 

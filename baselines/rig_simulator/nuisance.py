@@ -35,7 +35,7 @@ NOISE_BAND_HZ = 50.0
 
 @dataclass(frozen=True)
 class Nuisance:
-    """How rough a rig's day is; standard deviations.
+    """Levels of the nuisance of one data set; standard deviations.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class Nuisance:
 
 
 def draw_nuisance(rng: np.random.Generator) -> Nuisance:
-    """Draw a day: most as quiet as the quieter of the two recorded rigs, some about twice as rough."""
+    """Draw the levels of a data set: most as quiet as the quieter of the two recorded rigs, some about twice as rough."""
     level = float(np.clip(np.exp(rng.normal(0.25, 0.25)), 0.8, 2.0))
     return Nuisance(
         between_runs=0.06 * level * float(rng.uniform(0.7, 1.3)),
@@ -126,7 +126,7 @@ def wander(rng: np.random.Generator, n: int, memory: float) -> FloatArray:
 
 
 def track_of(nuisance: Nuisance, rng: np.random.Generator) -> FloatArray:
-    """Return the day's track, ndarray, shape (4, TRACK_POINTS): it is the same in every run."""
+    """Return the track of a data set, ndarray, shape (4, TRACK_POINTS): it is the same in every run."""
     track = np.empty((4, TRACK_POINTS))
     for row, scale in ((ROUGH_1, nuisance.rough), (ROUGH_2, nuisance.rough), (HILL_1, nuisance.hills)):
         track[row] = scale * profile(rng, nuisance.grain)
@@ -134,17 +134,17 @@ def track_of(nuisance: Nuisance, rng: np.random.Generator) -> FloatArray:
     return track
 
 
-def surroundings_of(
+def nuisance_of_run(
     nuisance: Nuisance, track: FloatArray, n: int, band: float, rng: np.random.Generator
 ) -> Disturbances:
-    """Draw what is special to one run.
+    """Draw the nuisance of one run.
 
     Parameters
     ----------
     nuisance
-        The day's levels.
+        The data set's levels.
     track : ndarray, shape (4, TRACK_POINTS)
-        The day's track.
+        The data set's track.
     n
         Samples of the run.
     band

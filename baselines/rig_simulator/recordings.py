@@ -14,7 +14,7 @@ import numpy as np
 from baselines.rig_simulator.faults import broken, place_faults
 from baselines.rig_simulator.ingredients import along_the_track, over_time, rig_values
 from baselines.rig_simulator.kernel import COUNT_MM, SAMPLE_S, FloatArray
-from baselines.rig_simulator.nuisance import surroundings_of, track_of
+from baselines.rig_simulator.nuisance import nuisance_of_run, track_of
 from baselines.rig_simulator.rig import run
 from baselines.rig_simulator.truth import Truth
 
@@ -51,7 +51,7 @@ class Log:
 
 
 def experiments() -> tuple[Experiment, ...]:
-    """Return the day in its order: P-control, squares, sines, and the squares again at the end."""
+    """Return the experiments in their order: P-control, squares, sines, and the squares again at the end."""
 
     def squares(replicate: str) -> tuple[Experiment, ...]:
         return tuple(Experiment(f"square_{a:.1f}V_0.5Hz_{replicate}", "square", a) for a in (1.5, 2.0))
@@ -84,8 +84,8 @@ def command(experiment: Experiment) -> FloatArray:
     return np.asarray(experiment.amplitude * np.sin(2.0 * np.pi * cycles))
 
 
-def simulate_day(truth: Truth, only: Collection[str] | None = None) -> Iterator[Log]:
-    """Yield the runs of a day one by one, before any encoder fault; all of them, or ``only`` those of these names."""
+def simulate_data_set(truth: Truth, only: Collection[str] | None = None) -> Iterator[Log]:
+    """Yield the runs of a data set one by one, before any encoder fault; all of them, or ``only`` those of these names."""
     values = rig_values(truth)
     bare = track_of(truth.nuisance, np.random.default_rng([truth.seed, 3]))
     track = along_the_track(bare, truth.effects)
@@ -96,7 +96,7 @@ def simulate_day(truth: Truth, only: Collection[str] | None = None) -> Iterator[
         asked = command(experiment)
         # each run has its own stream, so that an effect never changes the nuisance of the next run
         rng = np.random.default_rng([truth.seed, 4, order])
-        world = surroundings_of(truth.nuisance, track, len(asked), band, rng)
+        world = nuisance_of_run(truth.nuisance, track, len(asked), band, rng)
         world = over_time(world, truth, order, np.random.default_rng([truth.seed, 5, order]))
         closed = experiment.kind == "p_control"
         motion = run(values, world, asked, gain=GAIN if closed else 0.0)
@@ -108,9 +108,9 @@ def velocities(counts: FloatArray) -> FloatArray:
     return np.diff(counts, axis=1, prepend=counts[:, :1]) * COUNT_MM / SAMPLE_S
 
 
-def lab_day(truth: Truth) -> tuple[Truth, tuple[Log, ...]]:
-    """Make a day; return the truth with its faults placed, and the logs with them inside."""
-    logs = tuple(simulate_day(truth))
+def data_set(truth: Truth) -> tuple[Truth, tuple[Log, ...]]:
+    """Make a data set; return the truth with its faults placed, and the logs with them inside."""
+    logs = tuple(simulate_data_set(truth))
     speeds = {log.experiment.name: velocities(log.counts) for log in logs if log.xr is None}
     faults = place_faults(speeds, truth.n_faults, np.random.default_rng([truth.seed, 6]))
     rng = np.random.default_rng([truth.seed, 7])
@@ -144,13 +144,13 @@ def as_text(log: Log, rectified: tuple[bool, bool] = (False, False)) -> str:
     return "\n".join([head, *rows]) + "\n"
 
 
-def write_day(truth: Truth, logs: tuple[Log, ...], folder: Path) -> None:
-    """Write the recordings of a day, and nothing else, into a folder."""
+def write_data_set(truth: Truth, logs: tuple[Log, ...], folder: Path) -> None:
+    """Write the recordings of a data set, and nothing else, into a folder."""
     rectified = tuple(
         any(e.id == "rectified_sensor" and e.where == w for e in truth.effects) for w in ("encoder_1", "encoder_2")
     )
     for log in logs:
-        # no time of making inside, so that a day made again is the same to the last bit
+        # no time of making inside, so that a data set made again is the same to the last bit
         data = gzip.compress(as_text(log, (rectified[0], rectified[1])).encode(), 6, mtime=0)
         put(folder / f"{log.experiment.name}.csv.gz", data)
 

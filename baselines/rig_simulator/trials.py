@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from baselines.rig_simulator.ingredients import along_the_track, over_time, rig_values
-from baselines.rig_simulator.nuisance import surroundings_of, track_of
+from baselines.rig_simulator.nuisance import nuisance_of_run, track_of
 from baselines.rig_simulator.recordings import experiments
 from baselines.rig_simulator.rig import Disturbances, quiet
 from baselines.rig_simulator.truth import Truth
@@ -29,5 +29,5 @@ def after_the_day(truth: Truth, n: int, i: int) -> Disturbances:
     values, order = rig_values(truth), len(experiments()) + i
     track = along_the_track(track_of(truth.nuisance, np.random.default_rng([truth.seed, 3])), truth.effects)
     band = min(values["d1"], values["d2"]) / values["k"]
-    world = surroundings_of(truth.nuisance, track, n, band, np.random.default_rng([truth.seed, 4, order]))
+    world = nuisance_of_run(truth.nuisance, track, n, band, np.random.default_rng([truth.seed, 4, order]))
     return over_time(world, truth, order, np.random.default_rng([truth.seed, 5, order]))

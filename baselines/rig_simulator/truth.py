@@ -78,7 +78,7 @@ class Truth:
     effects, faults
         What is left out, and what is broken. Faults are placed when the recordings are made.
     nuisance
-        The day's levels.
+        The data set's levels.
     n_faults
         How many faults to place.
     """

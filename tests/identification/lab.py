@@ -1,4 +1,4 @@
-"""A small simulated lab day for the tests of identification: known truth, encoder counts, rough track."""
+"""A small simulated data set for the tests of identification: known truth, encoder counts, rough track."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ def run(drive: Drive, kind: str, amplitude: float, frequency: float, *, t=T, for
     return replace(made, u=u, x1=None, x2=None, excitation=Excitation(kind, amplitude, frequency))
 
 
-def lab_day(drive: Drive | None = None, *, force=0.1):
+def data_set(drive: Drive | None = None, *, force=0.1):
     rig = drive or Drive({**RIG, **COUNTS})
     runs = [run(rig, "square", a, 0.5, force=force, seed=i) for i, a in enumerate((1.5, 2.0))]
     return runs + [run(rig, "sine", 2.5, f, force=force, seed=10 + i) for i, f in enumerate((0.5, 2.0, 3.0, 5.0))]

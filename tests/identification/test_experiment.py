@@ -16,7 +16,7 @@ from identification.selection import select
 from identification.topology import GROUND_MASS
 from tests.drive.drives import RIG
 from tests.each import each
-from tests.identification.lab import COUNTS, QUANTUM, T, lab_day
+from tests.identification.lab import COUNTS, QUANTUM, T, data_set
 
 DRIVE = Drive({**RIG, **COUNTS})
 
@@ -72,9 +72,9 @@ def test_a_held_cart_stays_behind_though_the_spring_pulls():
 
 def test_friction_that_holds_cart_2_is_no_clamp():
     stiff = Drive({**RIG, **COUNTS, "d2": 0.4})
-    day = [record(stiff, a * np.sign(np.sin(2 * np.pi * 0.5 * T + 1e-9)), str(a)) for a in (0.6, 1.5, 2.0)]
-    assert np.ptp(day[0].x2) < 0.1 * np.ptp(day[0].x1)
-    assert held_carts(day) == ((), (), ())
+    runs = [record(stiff, a * np.sign(np.sin(2 * np.pi * 0.5 * T + 1e-9)), str(a)) for a in (0.6, 1.5, 2.0)]
+    assert np.ptp(runs[0].x2) < 0.1 * np.ptp(runs[0].x1)
+    assert held_carts(runs) == ((), (), ())
 
 
 def test_a_target_called_command_is_a_reference():
@@ -98,7 +98,7 @@ def test_a_target_in_radians_is_a_reference_too():
 
 def test_commands_are_commands():
     sines = [record(DRIVE, a * np.sin(2 * np.pi * f * T)) for a in (1.0, 2.5) for f in (0.5, 1, 2, 3, 4, 5, 8, 20)]
-    for r in [*sines, *lab_day(), record(DRIVE, steps(0.0, 2.0, -2.0, 0.0))]:
+    for r in [*sines, *data_set(), record(DRIVE, steps(0.0, 2.0, -2.0, 0.0))]:
         assert as_reference(r) is None, r.name
 
 
@@ -118,7 +118,7 @@ x2 = { unit = "mm", factor = 0.004413 }
 def test_another_makers_rig_is_understood(shared_recordings):
     runs = read_recordings(shared_recordings / "ecp210_2025", rig=parse_rig(ECP), only=["*.txt"])
     chosen = select(runs)
-    # as its owners describe their days
+    # as its owners describe their data sets
     assert len(chosen.usable) == 7
     assert all(name.startswith("07-Feb") for name in (r.source for r in chosen.usable))
     assert sum(carts == (2,) for carts in chosen.held.values()) == 11

@@ -12,7 +12,7 @@ from tests.identification.lab import COUNTS, run
 FREQUENCIES = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0)
 
 
-def day(factors):
+def data_set(factors):
     """Sines, each with dry friction of its own."""
     made = []
     for i, (frequency, (one, two)) in enumerate(zip(FREQUENCIES, factors, strict=True)):
@@ -23,14 +23,14 @@ def day(factors):
 
 def test_friction_of_every_run_is_found_as_it_was_made():
     logs = np.random.default_rng(5).normal(size=(len(FREQUENCIES), 2)) * [0.25, 0.15]
-    found = friction_run_to_run(RIG, [prepare(r) for r in day(np.exp(logs))])
+    found = friction_run_to_run(RIG, [prepare(r) for r in data_set(np.exp(logs))])
     assert found.names == ("d1", "d2")
     made = np.sqrt(np.mean(logs**2, axis=0))
     assert np.sqrt(np.diag(found.matrix)) == pytest.approx(made, rel=0.15)
 
 
 def test_a_rig_whose_friction_stays_has_none():
-    found = friction_run_to_run(RIG, [prepare(r) for r in day([(1.0, 1.0)] * len(FREQUENCIES))])
+    found = friction_run_to_run(RIG, [prepare(r) for r in data_set([(1.0, 1.0)] * len(FREQUENCIES))])
     assert np.sqrt(np.diag(found.matrix)).max() < 0.04
 
 
@@ -48,7 +48,7 @@ def test_random_effects_are_told_from_errors():
 
 
 def test_too_few_runs_or_no_friction_say_nothing():
-    runs = [prepare(r) for r in day([(1.0, 1.0)] * len(FREQUENCIES))]
+    runs = [prepare(r) for r in data_set([(1.0, 1.0)] * len(FREQUENCIES))]
     assert friction_run_to_run(RIG, runs[:2]) is None
     assert friction_run_to_run(FRICTIONLESS, runs) is None
 

@@ -29,7 +29,7 @@ def square(drive: Drive, amplitude: float, *, seconds: float = 8.0, name: str = 
     return replace(run, excitation=Excitation("square", amplitude, 0.5))
 
 
-def day(parameters, amplitudes=(1.5, 2.0)):
+def data_set(parameters, amplitudes=(1.5, 2.0)):
     drive = Drive({**parameters, **COUNTS})
     return [square(drive, amplitude) for amplitude in amplitudes]
 
@@ -39,32 +39,32 @@ def vss_of(parameters, u0):
 
 
 def test_steady_velocity_is_equation_5():
-    for reading in read_amplitudes(day(HANDOUT), 0.54):
+    for reading in read_amplitudes(data_set(HANDOUT), 0.54):
         assert reading.vss == pytest.approx(vss_of(HANDOUT, reading.amplitude), rel=0.01)
 
 
 def test_line_through_two_amplitudes_recovers_friction():
-    result = identify_by_handout(day(HANDOUT))
+    result = identify_by_handout(data_set(HANDOUT))
     assert result["bT"] == pytest.approx(8.8e-3, rel=0.01)
     assert result["dT"] == pytest.approx(0.55, rel=0.01)
 
 
 def test_least_squares_line_through_three_amplitudes_recovers_friction():
-    result = identify_by_handout(day(HANDOUT, (1.25, 1.5, 2.0)))
+    result = identify_by_handout(data_set(HANDOUT, (1.25, 1.5, 2.0)))
     assert result["bT"] == pytest.approx(8.8e-3, rel=0.01)
     assert result["dT"] == pytest.approx(0.55, rel=0.01)
     assert "least squares" in result.quantities["bT"].how
 
 
 def test_first_half_period_is_never_used():
-    readings = read_amplitudes(day(HANDOUT), 0.54)
+    readings = read_amplitudes(data_set(HANDOUT), 0.54)
     # 8 s at 0.5 Hz are eight half-periods
     assert all(reading.n_averaged == 7 for reading in readings)
     assert all(half.t[0] < 0.0 < half.t[1] for half in readings[0].half_periods)
 
 
 def test_63_percent_reading_recovers_p_without_friction():
-    reading = read_time_constant(read_amplitudes(day({**STIFF, "d1": 0.0, "d2": 0.0}), 0.54)[-1], 0.0)
+    reading = read_time_constant(read_amplitudes(data_set({**STIFF, "d1": 0.0, "d2": 0.0}), 0.54)[-1], 0.0)
     assert reading.p_read == pytest.approx(RIGID_P, rel=0.02)
     assert reading.bias_percent == 0.0
 
@@ -82,7 +82,7 @@ def test_bias_formula_is_that_of_the_rigid_drive_with_coulomb_friction(d):
 
 
 def test_corrected_reading_is_the_pole_of_a_drive_with_a_stiff_spring():
-    reading = read_time_constant(read_amplitudes(day(STIFF), 0.54)[-1], 0.55)
+    reading = read_time_constant(read_amplitudes(data_set(STIFF), 0.54)[-1], 0.55)
     assert reading.p_corrected == pytest.approx(RIGID_P, rel=0.02)
     assert reading.p_read / RIGID_P - 1.0 == pytest.approx(reading.bias_percent / 100.0, abs=0.03)
     # 1/(1 - ln(1 + 0.55/2)) - 1
@@ -90,7 +90,7 @@ def test_corrected_reading_is_the_pole_of_a_drive_with_a_stiff_spring():
 
 
 def test_handout_keeps_the_biased_p_and_states_the_corrected_one():
-    result = identify_by_handout(day(HANDOUT))
+    result = identify_by_handout(data_set(HANDOUT))
     reading = result.time_constant
     assert result["p"] == reading.p_read
     assert reading.p_read == pytest.approx((1.0 + reading.bias_percent / 100.0) * reading.p_corrected)
@@ -100,10 +100,10 @@ def test_handout_keeps_the_biased_p_and_states_the_corrected_one():
 
 
 def test_simulated_reading_finds_the_pole_of_a_drive_with_a_soft_spring():
-    result = identify_by_handout(day(HANDOUT))
+    result = identify_by_handout(data_set(HANDOUT))
     # the p of Eq. (6), which is what the handout's masses follow from
     assert result.time_constant.p_consistent == pytest.approx(8.8e-3 / 7.7e-4, rel=0.03)
-    masses = identify_by_handout(day(HANDOUT), p=result.time_constant.p_consistent)
+    masses = identify_by_handout(data_set(HANDOUT), p=result.time_constant.p_consistent)
     assert masses["m1"] == pytest.approx(HANDOUT["m1"], rel=0.04)
     assert result["m1"] < 0.6 * HANDOUT["m1"]
 
@@ -114,13 +114,13 @@ def test_quantities_without_time_to_move_are_refused():
 
 
 def test_damped_frequency_is_that_of_the_poles():
-    result = identify_by_handout(day(HANDOUT))
+    result = identify_by_handout(data_set(HANDOUT))
     assert result["omega_d"] == pytest.approx(Drive(HANDOUT).linear.omega_d, rel=0.03)
     assert result.vibration.amplitude == 1.5
 
 
 def test_damped_frequency_is_read_at_the_smallest_moving_amplitude_without_1_5_volts():
-    assert identify_by_handout(day(HANDOUT, (1.75, 2.0))).vibration.amplitude == 1.75
+    assert identify_by_handout(data_set(HANDOUT, (1.75, 2.0))).vibration.amplitude == 1.75
 
 
 def test_zeta_iteration_ends_where_the_poles_have_the_zeta_assumed():
@@ -143,7 +143,7 @@ def test_zeta_iteration_without_complex_poles_says_so():
 
 
 def test_quantities_come_in_the_order_of_the_report_and_obey_the_ratios():
-    result = identify_by_handout(day(HANDOUT))
+    result = identify_by_handout(data_set(HANDOUT))
     assert list(result.quantities) == ORDER
     assert result["m2"] / result["m1"] == pytest.approx(0.54)
     assert result["b2"] / result["b1"] == pytest.approx(0.1)
@@ -154,7 +154,7 @@ def test_quantities_come_in_the_order_of_the_report_and_obey_the_ratios():
 
 
 def test_given_p_replaces_the_reading_and_recomputes_the_masses():
-    runs = day(HANDOUT)
+    runs = data_set(HANDOUT)
     result = identify_by_handout(runs, p=11.0)
     assert result["p"] == 11.0
     assert result["mT"] == pytest.approx(result["bT"] / 11.0)
@@ -163,7 +163,7 @@ def test_given_p_replaces_the_reading_and_recomputes_the_masses():
 
 
 def test_drive_carries_values_and_provenance():
-    result = identify_by_handout(day(HANDOUT))
+    result = identify_by_handout(data_set(HANDOUT))
     drive = result.drive(**{"saturation.limit": 8.0})
     assert drive["m1"] == result["m1"]
     assert drive.voltage_limit == 8.0
@@ -184,7 +184,7 @@ def test_standard_error_covers_friction_that_changes_between_runs():
 
 
 def test_amplitude_at_which_carts_stop_is_left_out_with_a_note():
-    result = identify_by_handout(day(HANDOUT, (0.5, 1.5, 2.0)))
+    result = identify_by_handout(data_set(HANDOUT, (0.5, 1.5, 2.0)))
     assert [reading.amplitude for reading in result.steady] == [1.5, 2.0]
     assert any("±0.5 V: does not move steadily" in note for note in result.notes)
     assert result["dT"] == pytest.approx(0.55, rel=0.01)
@@ -192,9 +192,9 @@ def test_amplitude_at_which_carts_stop_is_left_out_with_a_note():
 
 def test_one_amplitude_is_an_error_that_names_it():
     with pytest.raises(ValueError, match=r"at least two amplitudes.*got ±2 V\. Record ±1\.5 V and ±2 V"):
-        identify_by_handout(day(HANDOUT, (2.0,)))
+        identify_by_handout(data_set(HANDOUT, (2.0,)))
     with pytest.raises(ValueError, match=r"got ±0\.5 V \(stops\), ±2 V"):
-        identify_by_handout(day(HANDOUT, (0.5, 2.0)))
+        identify_by_handout(data_set(HANDOUT, (0.5, 2.0)))
 
 
 def test_steady_velocity_that_falls_with_amplitude_is_an_error():
@@ -211,7 +211,7 @@ def test_negative_friction_is_an_error():
 
 def test_bad_ratio_is_an_error():
     with pytest.raises(ValueError, match="alpha: must be positive; got -1"):
-        identify_by_handout(day(HANDOUT), alpha=-1.0)
+        identify_by_handout(data_set(HANDOUT), alpha=-1.0)
 
 
 def test_one_cart_is_an_error():
@@ -221,7 +221,7 @@ def test_one_cart_is_an_error():
 
 
 def test_faulty_samples_do_not_touch_the_result():
-    runs = day(HANDOUT)
+    runs = data_set(HANDOUT)
     clean = identify_by_handout(runs)
     v1 = runs[1].v1.copy()
     v1[3300:3500] = 0.0

@@ -43,7 +43,7 @@ def test_what_a_topology_does_not_take_for_granted_is_a_candidate():
     assert not {where for _, where in names(CART)} & {"cart_2", "spring", "encoder_2"}
     assert not {where for _, where in names(OSCILLATOR)} & {"cart_2", "encoder_2"}
     assert ("hardening_spring", "spring") in names(OSCILLATOR)
-    # lab days know how their velocities were made
+    # recordings of the lab know how their velocities were made
     assert not {id_ for id_, _ in names(TWO_CARTS)} & {"velocity_processing", "coulomb_friction", "spring"}
 
 

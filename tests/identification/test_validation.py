@@ -16,12 +16,12 @@ from identification.validation import (
     whiteness_test,
 )
 from tests.drive.drives import RIG
-from tests.identification.lab import COUNTS, T, lab_day, run
+from tests.identification.lab import COUNTS, T, data_set, run
 
 
 def test_the_true_model_reaches_the_floor():
-    day = lab_day(force=0.0)
-    result = validate(Drive(RIG), day)
+    data = data_set(force=0.0)
+    result = validate(Drive(RIG), data)
     # what remains is the encoder: a raw difference of counts has a variance of q²/6 per Ts²
     assert result.rms < 1.2 * 4.6592 / np.sqrt(6)
     assert all(f.vaf > 0.99 for f in result.fits() if "0.5Hz" in f.recording)
@@ -131,7 +131,7 @@ def test_a_spring_to_the_frame_holds_a_simulated_cart_near_its_place():
 
 
 def test_a_held_cart_is_left_out_of_validation():
-    day = lab_day(force=0.0)[:2]
-    result = validate(Drive(RIG), [day[0], replace(day[1], held=(2,))])
+    data = data_set(force=0.0)[:2]
+    result = validate(Drive(RIG), [data[0], replace(data[1], held=(2,))])
     assert len(result.overlays) == 1
     assert "held cart left out" in result.notes[0]

@@ -96,7 +96,7 @@ def _frozen(run: Recording, start: float, end: float) -> Recording:
     return replace(run, v1=np.where(dead, 0.0, run.v1))
 
 
-def lab_day(seed: int = SEED) -> list[Recording]:
+def data_set(seed: int = SEED) -> list[Recording]:
     """Return the recordings of the sample."""
     rng = np.random.default_rng(seed)
     limit = critical_gain(RIG)
@@ -119,7 +119,7 @@ def lab_day(seed: int = SEED) -> list[Recording]:
 def main() -> None:
     """Write the sample."""
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else FOLDER
-    for run in lab_day():
+    for run in data_set():
         write_recording(run, folder / f"{run.name}.csv.gz")
 
 

@@ -11,7 +11,7 @@ from tests.identification.lab import COUNTS, QUANTUM, T, run
 KINDS = (("square", 2.0, 0.5), ("sine", 2.5, 0.5), ("sine", 2.5, 3.0))
 
 
-def day(seed, **changes):
+def short_runs(seed, **changes):
     """Three short runs of a rig."""
     rig = Drive({**RIG, **COUNTS, **changes})
     return [
@@ -38,9 +38,9 @@ def packed(folder):
 
 def term(folder):
     """Two sound groups, one with encoder 2 the wrong way round, one with another's recordings, one broken archive."""
-    hand_in(folder / "group 1" / "lab" / "day", day(10))
-    packed(hand_in(folder / "group 2", day(20)))
-    hand_in(folder / "group 3", [replace(r, v2=-r.v2) for r in day(30)])
-    hand_in(folder / "group 4", day(10)[:2], prefix="ours_")
+    hand_in(folder / "group 1" / "lab" / "day", short_runs(10))
+    packed(hand_in(folder / "group 2", short_runs(20)))
+    hand_in(folder / "group 3", [replace(r, v2=-r.v2) for r in short_runs(30)])
+    hand_in(folder / "group 4", short_runs(10)[:2], prefix="ours_")
     (folder / "group 5.zip").write_bytes(b"PK\x03\x04 and no more")
     return folder

@@ -19,7 +19,7 @@ from baselines.term.plan import measured, plan
 from baselines.term.study import examine_all
 from baselines.term.summary import summarise
 from flexdrive_gym import load_drive
-from tests.baselines.term.lab import day, hand_in, term
+from tests.baselines.term.lab import hand_in, short_runs, term
 from tests.drive.drives import RIG
 from tests.each import each
 from tests.identification.mismatch.lab import diagnosis
@@ -88,7 +88,7 @@ def test_what_is_done_is_not_done_again_and_what_is_new_is(made, monkeypatch):
 
 def test_a_run_that_is_stopped_keeps_what_it_has(tmp_path, monkeypatch):
     for n in (1, 2, 3):
-        hand_in(tmp_path / "in" / f"g{n}", day(n)[:1])
+        hand_in(tmp_path / "in" / f"g{n}", short_runs(n)[:1])
     groups, _ = find_groups([tmp_path / "in"])
     calls = []
 
@@ -107,7 +107,7 @@ def test_a_run_that_is_stopped_keeps_what_it_has(tmp_path, monkeypatch):
 
 
 def test_a_damaged_row_is_made_again(tmp_path, monkeypatch):
-    hand_in(tmp_path / "in" / "g", day(1)[:1])
+    hand_in(tmp_path / "in" / "g", short_runs(1)[:1])
     groups, _ = find_groups([tmp_path / "in"])
     monkeypatch.setattr(study, "examine", lambda *_: {"status": "skipped", "reason": "quick", "notes": []})
     examine_all(groups, tmp_path / "out", Settings(), backend="sequential")
@@ -117,7 +117,7 @@ def test_a_damaged_row_is_made_again(tmp_path, monkeypatch):
 
 
 def test_what_a_diagnosis_says_is_in_the_row_and_one_that_fails_is_a_note(tmp_path, monkeypatch):
-    hand_in(tmp_path / "g", day(1))
+    hand_in(tmp_path / "g", short_runs(1))
     found = parcel(Group("", "g", tmp_path / "g"))
     monkeypatch.setattr(examining, "diagnose", lambda *_, **__: diagnosis())
     row = examine(found, Settings(draws=0))
@@ -146,7 +146,7 @@ def test_a_plan_is_what_was_measured_times_what_is_planned(made):
 
 @each("scheduler", [[], ["--scheduler", "nowhere://1"]])
 def test_a_refused_backend_writes_nothing(scheduler, tmp_path):
-    hand_in(tmp_path / "in" / "g", day(1)[:1])
+    hand_in(tmp_path / "in" / "g", short_runs(1)[:1])
     result = flexdrive(tmp_path / "in", "--backend", "dask", *scheduler, "-o", tmp_path / "out")
     assert isinstance(result.exception, ValueError)
     assert str(result.exception).startswith("scheduler: ")
@@ -177,7 +177,7 @@ def test_a_lost_dask_worker_loses_nothing(made, cluster, tmp_path):
 
 
 def test_a_hand_in_is_read_as_other_commands_read_a_folder(tmp_path):
-    hand_in(tmp_path / "g", day(1))
+    hand_in(tmp_path / "g", short_runs(1))
     (tmp_path / "g" / "broken.csv").write_text("t_s,u_V,v1_mm_s\n0,1,2\n0.001,x,2\n")
     found = parcel(Group("", "g", tmp_path / "g"))
     quick = Settings(diagnose=False, draws=0)

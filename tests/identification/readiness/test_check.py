@@ -16,33 +16,33 @@ from identification.readiness.plausible import implausible
 from identification.recordings import load_rig, recognise_excitation
 from identification.topology import GROUND_MASS
 from tests.drive.drives import RIG
-from tests.identification.lab import COUNTS, T, lab_day, run
+from tests.identification.lab import COUNTS, T, data_set, run
 
 DRIVE = Drive({**RIG, **COUNTS})
 
 
 @pytest.fixture(scope="module")
-def day():
-    return check(lab_day())
+def checked():
+    return check(data_set())
 
 
-def test_a_lab_day_is_ready_and_determines_what_it_should(day):
-    assert day.ready
-    assert day.line().startswith("ready: 6 of 6 recordings can be fitted")
-    assert {"m1", "m2", "k", "b1"} <= {n for n, ok in day.found.determined.items() if ok}
-    assert day.comparison is None
+def test_a_data_set_is_ready_and_determines_what_it_should(checked):
+    assert checked.ready
+    assert checked.line().startswith("ready: 6 of 6 recordings can be fitted")
+    assert {"m1", "m2", "k", "b1"} <= {n for n, ok in checked.found.determined.items() if ok}
+    assert checked.comparison is None
 
 
-def test_the_object_of_the_contract(day):
-    found = json.loads(json.dumps(day.as_json()))
+def test_the_object_of_the_contract(checked):
+    found = json.loads(json.dumps(checked.as_json()))
     assert set(found) >= {"recordings", "skipped", "sessions", "identifiable", "trade_offs", "advice", "ready"}
     first = found["recordings"][0]
     assert first["experiment"] == "square"
     assert first["rate_hz"] == 1000.0
     assert first["channels"] == ["u", "v1", "v2"]
     assert found["sessions"] == [{"id": "1", "recordings": 6}]
-    assert "what was understood" in str(day)
-    assert str(day).endswith(day.line())
+    assert "what was understood" in str(checked)
+    assert str(checked).endswith(checked.line())
 
 
 def test_fast_sines_tell_nothing_of_cart_2():
@@ -67,7 +67,7 @@ def test_a_trade_off_is_named_with_what_is_determined():
 
 
 def test_nothing_usable_is_not_ready():
-    held = [replace(r, held=(2,)) for r in lab_day()[:2]]
+    held = [replace(r, held=(2,)) for r in data_set()[:2]]
     found = check(held)
     assert not found.ready
     assert "no recording of two free carts" in found.line()
@@ -75,7 +75,7 @@ def test_nothing_usable_is_not_ready():
 
 
 def test_a_turned_command_is_found_by_the_energy_it_takes():
-    runs = lab_day()
+    runs = data_set()
     assert implausible(runs) == ()
     turned = implausible([replace(r, u=-r.u) for r in runs])
     assert [w.kind for w in turned] == ["sign of u"]

@@ -11,7 +11,7 @@ from identification import identify_by_likelihood, read_recordings, write_record
 from identification.readiness.sessions import compare_sessions, given_folders, reduced, sessions_of
 from identification.recordings import RecordingSet
 from tests.drive.drives import RIG
-from tests.identification.lab import COUNTS, T, lab_day
+from tests.identification.lab import COUNTS, T, data_set
 
 
 def made(*, source="a.csv", recorded=None, session=""):
@@ -46,17 +46,17 @@ def test_folders_that_were_given_are_told_apart_though_files_are_called_alike(tm
 
 
 def test_fewer_recordings_keep_every_condition():
-    day = [replace(r, name=f"{r.name} {i}") for i in range(10) for r in lab_day()]
-    some, own = reduced(RecordingSet(day), ["1"] * len(day))
+    data = [replace(r, name=f"{r.name} {i}") for i in range(10) for r in data_set()]
+    some, own = reduced(RecordingSet(data), ["1"] * len(data))
     assert len(some) == len(own) == 24
-    assert {str(r.excitation) for r in some} == {str(r.excitation) for r in day}
+    assert {str(r.excitation) for r in some} == {str(r.excitation) for r in data}
 
 
 @pytest.fixture(scope="module")
 def two_rigs():
-    first = lab_day(force=0.2)
+    first = data_set(force=0.2)
     other = Drive({**RIG, **COUNTS, "b2": 4.0 * RIG["b2"], "d2": 2.0 * RIG["d2"]})
-    return first, [replace(r, name=f"other {r.name}") for r in lab_day(other, force=0.2)]
+    return first, [replace(r, name=f"other {r.name}") for r in data_set(other, force=0.2)]
 
 
 def test_a_merge_of_two_rigs_has_a_price(two_rigs):
@@ -69,7 +69,7 @@ def test_a_merge_of_two_rigs_has_a_price(two_rigs):
 
 
 def test_the_same_rig_twice_has_none(two_rigs):
-    again = [replace(r, name=f"again {r.name}") for r in lab_day(force=0.2)]
+    again = [replace(r, name=f"again {r.name}") for r in data_set(force=0.2)]
     again = [replace(r, v1=np.roll(r.v1, 0)) for r in again]
     runs = RecordingSet([*two_rigs[0], *again])
     found = compare_sessions(runs, ["a"] * 6 + ["b"] * 6, identify_by_likelihood(runs))
@@ -78,7 +78,7 @@ def test_the_same_rig_twice_has_none(two_rigs):
 
 
 def test_files_called_alike_in_two_folders_are_all_read(tmp_path):
-    for folder, run in zip("ab", lab_day()[:2], strict=True):
+    for folder, run in zip("ab", data_set()[:2], strict=True):
         write_recording(run, tmp_path / folder / "run.csv")
     read = read_recordings([tmp_path / "a", tmp_path / "b"])
     assert [r.source for r in read] == ["run.csv", "run.csv"]

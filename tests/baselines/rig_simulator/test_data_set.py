@@ -1,4 +1,4 @@
-"""A concealed lab day as a user meets it: files, sensors, faults, and the effect inside."""
+"""A concealed data set as a user meets it: files, sensors, faults, and the effect inside."""
 
 import gzip
 import json
@@ -11,7 +11,7 @@ from baselines.rig_simulator.catalogue import CATALOGUE, OUTSIDE
 from baselines.rig_simulator.kernel import COUNT_MM, TRACK_STEP_MM
 from baselines.rig_simulator.make import main, make_case
 from baselines.rig_simulator.nuisance import Nuisance, band_noise, profile
-from baselines.rig_simulator.recordings import GAIN, experiments, lab_day, simulate_day, trajectory, velocities
+from baselines.rig_simulator.recordings import GAIN, data_set, experiments, simulate_data_set, trajectory, velocities
 from baselines.rig_simulator.truth import Truth, draw_truth, make_effect, seal
 from tests.each import each
 
@@ -27,7 +27,7 @@ def rms(x):
 @pytest.fixture(scope="module")
 def case(tmp_path_factory):
     folder = tmp_path_factory.mktemp("case")
-    digest = make_case(folder / "day", folder / "truth.json", 3, "fault")
+    digest = make_case(folder / "data", folder / "truth.json", 3, "fault")
     return folder, digest
 
 
@@ -35,9 +35,9 @@ def table(path):
     return np.genfromtxt(gzip.open(path, "rt"), delimiter=",", names=True)
 
 
-def test_the_day_is_the_handouts(case):
+def test_the_experiments_are_the_handouts(case):
     folder, _ = case
-    names = sorted(p.name for p in (folder / "day").iterdir())
+    names = sorted(p.name for p in (folder / "data").iterdir())
     squares = [f"square_{a}V_0.5Hz_{r}.csv.gz" for a in ("1.5", "2.0") for r in "ab"]
     sines = [f"sine_2.5V_{f:.1f}Hz.csv.gz" for f in (0.5, 1, 1.5, 2, 2.5, 3, 3.5, 4, 4.5, 5, 8, 12, 16, 20)]
     assert names == sorted(["pctrl_x2_kp0.0500.csv.gz", *squares, *sines]), "and nothing that tells the truth"
@@ -45,12 +45,12 @@ def test_the_day_is_the_handouts(case):
 
 def test_sensors_are_the_rigs(case):
     folder, _ = case
-    run = table(folder / "day" / "sine_2.5V_3.0Hz.csv.gz")
+    run = table(folder / "data" / "sine_2.5V_3.0Hz.csv.gz")
     assert run.dtype.names == ("t_s", "u_V", "v1_mm_s", "v2_mm_s")
     assert len(run) == 8001
     counts = run["v1_mm_s"] / 4.6592
     assert counts == pytest.approx(np.rint(counts), abs=1e-4)
-    loop = table(folder / "day" / "pctrl_x2_kp0.0500.csv.gz")
+    loop = table(folder / "data" / "pctrl_x2_kp0.0500.csv.gz")
     assert loop.dtype.names == ("t_s", "u_V", "xr_mm", "x1_mm", "x2_mm")
     # files hold five digits of positions, so the law holds to a few 1e-6 V
     assert loop["u_V"] == pytest.approx(np.clip(GAIN * (loop["xr_mm"] - loop["x2_mm"]), -8, 8), abs=1e-5)
@@ -68,7 +68,7 @@ def test_the_trajectory_is_the_handouts():
 def test_the_reader_recognises_the_runs(case):
     from identification import read_recordings
 
-    runs = {r.name: r for r in read_recordings(case[0] / "day")}
+    runs = {r.name: r for r in read_recordings(case[0] / "data")}
     assert len(runs) == 19
     kinds = {name: r.excitation.kind for name, r in runs.items()}
     assert kinds["square_1.5V_0.5Hz_b"] == "square"
@@ -84,19 +84,19 @@ def test_the_truth_is_sealed_apart_from_the_recordings(case, tmp_path):
         make_case(tmp_path, tmp_path / "truth.json", 1)
 
 
-def test_a_day_made_again_is_the_same_to_the_last_bit(case, tmp_path, capsys):
+def test_a_data_set_made_again_is_the_same_to_the_last_bit(case, tmp_path, capsys):
     folder, digest = case
-    again = ["--seed", "3", "--kind", "fault", "-o", str(tmp_path / "day"), "--truth", str(tmp_path / "truth.json")]
+    again = ["--seed", "3", "--kind", "fault", "-o", str(tmp_path / "data"), "--truth", str(tmp_path / "truth.json")]
     assert main(again) == 0
     assert digest in capsys.readouterr().out
-    for path in (folder / "day").iterdir():
-        assert path.read_bytes() == (tmp_path / "day" / path.name).read_bytes()
+    for path in (folder / "data").iterdir():
+        assert path.read_bytes() == (tmp_path / "data" / path.name).read_bytes()
 
 
 def test_a_fault_hides_motion_and_nothing_else(case):
     told = json.loads((case[0] / "truth.json").read_text())
-    truth, logs = lab_day(draw_truth(3, "fault"))
-    whole = {log.experiment.name: log for log in simulate_day(truth)}
+    truth, logs = data_set(draw_truth(3, "fault"))
+    whole = {log.experiment.name: log for log in simulate_data_set(truth)}
     assert told["faults"]
     for fault in truth.faults:
         log = next(log for log in logs if log.experiment.name == fault.recording)
@@ -113,7 +113,7 @@ def test_a_fault_hides_motion_and_nothing_else(case):
 
 @pytest.fixture(scope="module")
 def without():
-    return {log.experiment.name: log.shown for log in simulate_day(QUIET, FEW)}
+    return {log.experiment.name: log.shown for log in simulate_data_set(QUIET, FEW)}
 
 
 @each(
@@ -126,7 +126,7 @@ def test_an_effect_of_size_one_is_seen(maker, without):
     concealed = replace(QUIET, effects=(effect,))
     most = max(
         rms(np.diff(log.shown - without[log.experiment.name])[cart]) * 1e3
-        for log in simulate_day(concealed, FEW)
+        for log in simulate_data_set(concealed, FEW)
         for cart in range(2)
     )
     # mm/s, against a floor of 2.9: some need other recordings or a drive that resonates more
@@ -134,8 +134,8 @@ def test_an_effect_of_size_one_is_seen(maker, without):
 
 
 def test_a_rectified_sensor_has_no_sign(tmp_path):
-    make_case(tmp_path / "day", tmp_path / "truth.json", 1, "effect", 1.0, ("rectified_sensor", "encoder_2"))
-    run = table(tmp_path / "day" / "sine_2.5V_1.0Hz.csv.gz")
+    make_case(tmp_path / "data", tmp_path / "truth.json", 1, "effect", 1.0, ("rectified_sensor", "encoder_2"))
+    run = table(tmp_path / "data" / "sine_2.5V_1.0Hz.csv.gz")
     assert run["v2_mm_s"].min() == 0.0
     assert run["v1_mm_s"].min() < -50.0
 
@@ -145,16 +145,18 @@ def test_nuisance_belongs_to_the_run_and_not_to_the_effect():
     offset = make_effect(
         np.random.default_rng(0), next(m for m in CATALOGUE if m.id == "encoder_scale"), truth.drive, 1.0
     )
-    one = {log.experiment.name: log for log in simulate_day(truth, FEW)}
-    for log in simulate_day(replace(truth, effects=(offset,)), FEW):
+    one = {log.experiment.name: log for log in simulate_data_set(truth, FEW)}
+    for log in simulate_data_set(replace(truth, effects=(offset,)), FEW):
         assert np.array_equal(log.counts[0], one[log.experiment.name].counts[0])
 
 
-def test_replicates_differ_and_a_quiet_day_repeats():
-    a, b = (log.shown for log in simulate_day(draw_truth(8, "null"), ("square_2.0V_0.5Hz_a", "square_2.0V_0.5Hz_b")))
+def test_replicates_differ_and_a_quiet_data_set_repeats():
+    a, b = (
+        log.shown for log in simulate_data_set(draw_truth(8, "null"), ("square_2.0V_0.5Hz_a", "square_2.0V_0.5Hz_b"))
+    )
     assert rms(np.diff(a - b)) * 1e3 > 1.0
     silent = Truth("null", 8, RIG, (), Nuisance())
-    a, b = (log.shown for log in simulate_day(silent, ("square_2.0V_0.5Hz_a", "square_2.0V_0.5Hz_b")))
+    a, b = (log.shown for log in simulate_data_set(silent, ("square_2.0V_0.5Hz_a", "square_2.0V_0.5Hz_b")))
     assert np.array_equal(a, b)
 
 
