@@ -9,7 +9,7 @@ import gymnasium
 import numpy as np
 
 import flexdrive_gym  # noqa: F401  (registers the environments)
-from benchmarks.speed import interleaved
+from benchmarks.speed import median_seconds
 from flexdrive_gym.fleet import OUTPUTS
 
 ID = "FlexDrive-NonCollocated-v0"
@@ -105,7 +105,7 @@ def main() -> None:
     jobs = {name: single(gymnasium.make(name)) for name in (ID, "CartPole-v1", "Pendulum-v1")}
     for job in jobs.values():
         job()  # type: ignore[operator]
-    seconds = interleaved(jobs, 7)
+    seconds = median_seconds(jobs, 7)
     own = SINGLE_STEPS / seconds[ID]
     for peer, aim in (("CartPole-v1", 8.0), ("Pendulum-v1", 12.0)):
         ratio = own / (SINGLE_STEPS / seconds[peer])

@@ -2,8 +2,8 @@
 
 ``python -m benchmarks friction_by_run`` fits the sines and squares of a rig with factors on d1 and d2 that are each run's own,
 adds every effect of the catalogue in turn, then to the best of them the next, and prints how the factors depend on frequency:
-the slope of log factor against log frequency, and by how much the factors differ. Two rows of simulations say what is chance:
-the fitted drive's own runs with all factors 1, read through the encoders' counts.
+the slope of log factor against log frequency, and by how much the factors differ. Two rows of simulations give the null
+distribution: the fitted drive's own runs with all factors 1, read through the encoders' counts.
 """
 
 from __future__ import annotations

@@ -17,8 +17,7 @@ from matplotlib.figure import Figure
 
 from flexdrive_gym import Recording
 from identification import identify, read_recordings
-from identification.floor import alike as replicates
-from identification.floor import by_phase, period_samples, smoothed, spread
+from identification.floor import by_phase, period_samples, replicates, smoothed, spread
 from identification.likelihood import usable
 from identification.mismatch.maps import UNITS, Map, draw_maps
 from identification.mismatch.missing_force import missing_force

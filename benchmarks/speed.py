@@ -1,4 +1,4 @@
-"""Speed of the compiled step, as ratios against named peers, measured interleaved in one process."""
+"""Speed of the compiled step, as ratios against named peers, measured in turns in one process."""
 
 import time
 from functools import partial
@@ -20,7 +20,7 @@ from tests.drive.reference import TwoMasses
 T = np.arange(8001) * 1e-3
 
 
-def interleaved(jobs: dict[str, object], rounds: int) -> dict[str, float]:
+def median_seconds(jobs: dict[str, object], rounds: int) -> dict[str, float]:
     """Median seconds of each job, the jobs taking turns so that a drifting machine hits all alike."""
     times: dict[str, list[float]] = {name: [] for name in jobs}
     for _ in range(rounds):
@@ -82,7 +82,7 @@ def in_lanes() -> None:
         lanes = partial(day.residual, values, nowhere)
         single = [partial(day.residual, values, nowhere, i, i + 1) for i in range(len(runs))]
         apart = np.abs(lanes() - np.concatenate([one() for one in single])).max()
-        seconds = interleaved({"lanes": lanes, **{str(i): one for i, one in enumerate(single)}}, 25)
+        seconds = median_seconds({"lanes": lanes, **{str(i): one for i, one in enumerate(single)}}, 25)
         together = seconds.pop("lanes")
         alone, samples = sum(seconds.values()), sum(len(run.u) for run in runs)
         print(
@@ -104,7 +104,7 @@ def main() -> None:
     }
     for job in jobs.values():
         job()  # compile, or load what was compiled
-    median = interleaved(jobs, 15)
+    median = median_seconds(jobs, 15)
     begin = time.perf_counter()
     TwoMasses(**RIG).run(T, u)
     median["scipy DOP853, event-driven, same friction"] = time.perf_counter() - begin

@@ -107,7 +107,7 @@ def measure_floor(recordings: Sequence[Recording]) -> tuple[Floor, ...]:
     """
     result = []
     for r in recordings:
-        twins = [q for q in recordings if alike(q, r)]
+        twins = [q for q in recordings if replicates(q, r)]
         for cart, name in enumerate(_CHANNELS, start=1):
             rows = [
                 by_phase(np.where(q.valid(name), values, np.nan), period_samples(q))
@@ -132,8 +132,8 @@ def period_samples(recording: Recording) -> float:
     return 1.0 / (excitation.frequency * recording.sample_time)
 
 
-def alike(a: Recording, b: Recording) -> bool:
-    """Whether two recordings are replicates: driven alike and sampled alike."""
+def replicates(a: Recording, b: Recording) -> bool:
+    """Whether two recordings are replicates: driven by the same command, sampled at the same rate."""
     x, y = a.excitation, b.excitation
     return (
         x.kind == y.kind

@@ -10,8 +10,8 @@ is minimised by least squares weighted with the previous round's variances (L. L
 7.4). Variances free in every channel would reward a wrong model for fitting a few quiet channels to the last bit and
 giving up the others. Masses and stiffness are fitted as logarithms, friction within bounds.
 
-Residuals of a real rig are coloured: neighbouring samples err alike, and friction that differs from run to run errs
-alike through a whole run, so the nominal N overstates what was learnt. The covariance is the sandwich
+Residuals of a real rig are coloured: neighbouring samples are correlated, and friction that differs from run to
+run correlates a whole run, so the nominal N overstates what was learnt. The covariance is the sandwich
 
 .. math:: \frac{G}{G-p} H^{-1} \Bigl(\sum_{g=1}^{G} s_g s_g^T\Bigr) H^{-1}, \qquad H = J^T J, \quad s_g = J_g^T r_g,
 

@@ -38,8 +38,9 @@ from flexdrive_gym import Drive, LinearController, Observation
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.references import handout_trajectory
 
-P_HALF, AHEAD, AGENT = "p_x2_half", "_ahead", "agent"
-DESIGNS = (P_HALF, "lab4", "lab4_friction", "lqg", f"lab4{AHEAD}")
+# the ending of a design with a command by iterative learning control, as studies store it
+P_HALF, LEARNING, AGENT = "p_x2_half", "_ahead", "agent"
+DESIGNS = (P_HALF, "lab4", "lab4_friction", "lqg", f"lab4{LEARNING}")
 SHARE = 0.5
 DURATION_S = 8.0
 RUNS = 3
@@ -163,10 +164,10 @@ def payoff(
     ValueError
         For an unknown design, or an agent of no drive.
     """
-    strangers = set(agents or {}) - set(drives)
-    if strangers:
+    unknown = set(agents or {}) - set(drives)
+    if unknown:
         raise ValueError(
-            f"agents: must belong to {', '.join(drives)}; got {', '.join(sorted(strangers))}. Name the drives alike."
+            f"agents: must belong to {', '.join(drives)}; got {', '.join(sorted(unknown))}. Give an agent the name of its drive."
         )
     chosen = tuple(designs)
     predicted = {name: _predicted(drive) for name, drive in drives.items()}
@@ -175,16 +176,16 @@ def payoff(
     for name, drive in drives.items():
         for made in chosen:
             try:
-                controller, ahead, promise = _made(made, drive, predicted[name])
+                controller, feedforward, promise = _made(made, drive, predicted[name])
             except _RefusedError as error:
                 outcomes.append(Outcome(name, made, refused=str(error)))
                 continue
             law = law_of(controller)
             key = law.flat().tobytes()
-            if key not in margins:  # a command known ahead leaves the margin alone
+            if key not in margins:  # a feedforward command leaves the margin alone
                 with_friction, without = (gain_margin(truth, law, friction=f) or LARGEST_FACTOR for f in (True, False))
                 margins[key] = with_friction, without
-            tried = _tried(truth, name, made, margins[key], law=law, ahead=ahead)
+            tried = _tried(truth, name, made, margins[key], law=law, feedforward=feedforward)
             outcomes.append(replace(tried, predicted_margin=promise))
     outcomes += [tried_agent(truth, name, agent, drives[name]) for name, agent in (agents or {}).items()]
     return Payoff(critical_gain(truth), predicted, tuple(outcomes))
@@ -204,21 +205,25 @@ def reference() -> FloatArray:
 
 
 def _made(name: str, drive: Drive, predicted: float | None) -> tuple[LinearController, FloatArray | None, float | None]:
-    """Return a controller, the command it adds ahead of time, and the gain margin that its drive promises."""
+    """Return a controller, its feedforward command by iterative learning control, and the gain margin that its drive promises."""
     if name == P_HALF:
         if predicted is None:
             raise _RefusedError("drive: predicts no critical gain below 10 V/mm, so there is no share of it")
         return proportional(SHARE * predicted), None, 1.0 / SHARE
-    design_name = name.removesuffix(AHEAD)
+    design_name = name.removesuffix(LEARNING)
     if design_name not in FAMILIES:
-        raise ValueError(f"designs: must be among {P_HALF}, {', '.join(FAMILIES)}, also with {AHEAD}; got {name!r}.")
+        raise ValueError(f"designs: must be among {P_HALF}, {', '.join(FAMILIES)}, also with {LEARNING}; got {name!r}.")
     rig = with_rig(drive)
     try:
         controller = design(design_name, rig).controller
-        ahead = learn_feedforward(rig, controller, reference()) if name.endswith(AHEAD) else None
+        feedforward = learn_feedforward(rig, controller, reference()) if name.endswith(LEARNING) else None
     except ValueError as error:
         raise _RefusedError(str(error)) from error
-    return controller, ahead, _plain(analytic(effective(rig, FAMILIES[design_name].reads), controller).gain_margin)
+    return (
+        controller,
+        feedforward,
+        _plain(analytic(effective(rig, FAMILIES[design_name].reads), controller).gain_margin),
+    )
 
 
 def tried_agent(truth: Truth, name: str, agent: Agent, drive: Drive) -> Outcome:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from baselines.blind_study.payoff import AHEAD, P_HALF, Outcome, Payoff
+from baselines.blind_study.payoff import LEARNING, P_HALF, Outcome, Payoff
 
 
 @dataclass(frozen=True)
@@ -154,7 +154,7 @@ def tables(rows: Sequence[Row]) -> tuple[Table, Table]:
         )
         for row in rows
         # a command by iterative learning control leaves the loop as it is
-        if not row.design.endswith(AHEAD)
+        if not row.design.endswith(LEARNING)
         for drive, own in row.drives.items()
     ]
     return (
@@ -177,4 +177,4 @@ def _words(made: str) -> str:
     """Return a design's name in the registry, and what was done with it."""
     if made == P_HALF:
         return "p_x2 at half the predicted critical gain"
-    return f"{made.removesuffix(AHEAD)}, iterative learning control" if made.endswith(AHEAD) else made
+    return f"{made.removesuffix(LEARNING)}, iterative learning control" if made.endswith(LEARNING) else made

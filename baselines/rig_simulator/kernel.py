@@ -290,7 +290,7 @@ def _look(
 @compiled
 def advance_run(
     p: FloatArray, over_time: FloatArray, track: FloatArray, start: FloatArray, command: FloatArray, law: FloatArray,
-    order: int, factor: float, ahead: FloatArray, steps: int, begin: int, end: int, keep: FloatArray, u: FloatArray,
+    order: int, factor: float, feedforward: FloatArray, steps: int, begin: int, end: int, keep: FloatArray, u: FloatArray,
     counts: FloatArray, states: FloatArray, shown: FloatArray,
 ) -> None:  # fmt: skip
     """Run samples ``begin`` … ``end`` - 1 and fill u, counts, states and shown, these three also at ``end``; see :func:`rig.run`.
@@ -321,7 +321,7 @@ def advance_run(
         u[i] = command[i]
         if order >= 0:
             wish = _decide(law, order, memory, command[i], COUNT_MM * counts[0, i], COUNT_MM * counts[1, i])
-            u[i] = min(max(factor * wish + ahead[i], -LIMIT_V), LIMIT_V)
+            u[i] = min(max(factor * wish + feedforward[i], -LIMIT_V), LIMIT_V)
         for j in range(steps):
             f = (j + 0.5) / steps
             past = i + math.floor((j + 0.5 - p[_WAIT] / h) / steps)

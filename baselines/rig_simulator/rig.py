@@ -145,7 +145,7 @@ def run(
     law: Law | None = None,
     asked: Sampled | None = None,
     factor: float = 1.0,
-    ahead: FloatArray | None = None,
+    feedforward: FloatArray | None = None,
     steps: int = STEPS,
 ) -> Motion:
     """Run the rig.
@@ -169,8 +169,8 @@ def run(
         instead of a law.
     factor
         On the controller's command, for trials of its gain margin.
-    ahead : ndarray, shape (n,), optional
-        Command known ahead, added to the controller's [V]; ``factor`` leaves it alone.
+    feedforward : ndarray, shape (n,), optional
+        Command known beforehand, added to the controller's [V]; ``factor`` leaves it alone.
     steps
         Fine steps per sample.
 
@@ -191,7 +191,7 @@ def run(
     if law is not None:
         given = np.ascontiguousarray(law.shaped(given))
     flat, order = (np.zeros(0), -1) if law is None else (law.flat(), len(law.A))
-    known = np.zeros(n) if ahead is None else np.ascontiguousarray(ahead, dtype=np.float64)
+    known = np.zeros(n) if feedforward is None else np.ascontiguousarray(feedforward, dtype=np.float64)
     keep, p = memory_of(order), vector(values)
     if asked is None:
         advance_run(

@@ -20,7 +20,7 @@ from flexdrive_gym.recording import FloatArray, Recording
 WINDOW, KEPT = 200, 64
 # values that a window must visit: a cart at rest is the same in everybody's recording
 _LEVELS = 6
-# hashes that two recordings must share: one may be chance of 64 bits, a few are none
+# hashes that two recordings must share: one of 64 bits may coincide, a few do not
 _FEWEST, _WHOLE = 3, 0.8
 # without counts: of a channel's span
 _FINE = 1e-4

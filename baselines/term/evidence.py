@@ -6,7 +6,7 @@ With :math:`\theta` the logarithms of the parameters, :math:`J_g` the derivative
 .. math:: \ell_g(\theta) \simeq u_g^T (\theta - \theta_0) - \tfrac12 (\theta - \theta_0)^T A_g (\theta - \theta_0), \qquad
           A_g = J_g^T J_g / \kappa, \quad u_g = -J_g^T r_g / \kappa .
 
-Residuals err alike for a while, so their nominal information is too large by
+Neighbouring residuals are correlated, so their nominal information is too large by
 :math:`\kappa = \operatorname{tr}\bigl[(\sum_g J_g^T J_g)^{-1} \sum_p s_p s_p^T\bigr] / n`, the mean ratio of the scores' actual
 covariance to the nominal one, with :math:`s_p` the scores of pieces of a second, centred within each run: what a run errs by as a
 whole is what runs differ by, and that is asked later.

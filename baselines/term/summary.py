@@ -18,7 +18,7 @@ from baselines.term.random_effects import Spread, as_json, gathered, random_effe
 from baselines.term.study import Row, clean
 
 SCHEMA = 1
-# of the rms residual's logarithm: runs err alike for a while, so it is known to some per cent
+# of the rms residual's logarithm: errors of a run are correlated, so it is known to some per cent
 _FIT_ERROR = 0.05
 # of a row, what term.json tells
 _TOLD = ("status", "reason", "recordings", "sessions", "units", "carts", "ready", "line", "parameters", "rms", "verdict",
@@ -98,23 +98,23 @@ def summarise(groups: Sequence[Group], rows: Sequence[Row], notes: Iterable[str]
     copied = _copiers(equal, pairs)
     known = [(g, r) for g, r in pairs if r["status"] == "ok"]
     own = [(g, r) for g, r in known if g.label not in copied]
-    alike, why = _alike(own)
+    comparable, why = _comparable(own)
     said += why
-    outliers = [*_copies(equal, copied), *_signs(pairs), *_encoders(own), *_apart(alike)]
-    if 0 < len(alike) < 5:
-        said.append(f"with {len(alike)} groups to compare nothing can be called unusual; it takes five")
+    outliers = [*_copies(equal, copied), *_signs(pairs), *_encoders(own), *_apart(comparable)]
+    if 0 < len(comparable) < 5:
+        said.append(f"with {len(comparable)} groups to compare nothing can be called unusual; it takes five")
     return Term(
         tuple(groups),
         tuple(rows),
         tuple(outliers),
         equal,
-        _spreads(alike, said),
-        _changes(alike),
+        _spreads(comparable, said),
+        _changes(comparable),
         tuple(said),
     )
 
 
-def _alike(rows: Sequence[tuple[Group, Row]]) -> tuple[list[tuple[Group, Row]], list[str]]:
+def _comparable(rows: Sequence[tuple[Group, Row]]) -> tuple[list[tuple[Group, Row]], list[str]]:
     """Return the groups that can be compared: those of the most frequent kind of rig."""
     kinds = Counter((r["carts"], r["units"]["length"], r["units"]["command"]) for _, r in rows)
     if len(kinds) < 2:

@@ -59,11 +59,11 @@ def find_dips(speed: FloatArray, count: float, stills: Sequence[Standstill]) -> 
     ripple = 1.4826 * median_filter(np.abs(off), size=LOCAL, mode="nearest")
     change = plausible_change(speed, covered(((s.first, s.last + 1) for s in stills), speed.size))
     least = LOST * np.maximum(max(count, LEAST_BLUR / LOST, change), ripple)
-    suspect = np.abs(off) >= least * (1.0 - 1e-6)
+    candidate = np.abs(off) >= least * (1.0 - 1e-6)
     for still in stills:
-        suspect[max(still.first - 2, 0) : still.last + 3] = False
+        candidate[max(still.first - 2, 0) : still.last + 3] = False
     dips = []
-    for first, last in _groups(suspect):
+    for first, last in _groups(candidate):
         start, stop = _widen(off, first, last, 1.5 * max(count, LEAST_BLUR / LOST))
         lost = _lost(speed, start, stop, float(np.max(np.abs(off[first : last + 1]))))
         if lost is not None:

@@ -162,7 +162,7 @@ def _leaps(recording: Recording, where: Encoder) -> list[Fault]:
     ]
 
 
-def _sporadic(recording: Recording, events: list[_Event], alike: Sequence[_Event]) -> tuple[list[_Event], int]:
+def _sporadic(recording: Recording, events: list[_Event], all_events: Sequence[_Event]) -> tuple[list[_Event], int]:
     """Drop events that recur at one phase of the drive: faults are sporadic, impacts in a gap keep time.
 
     Parameters
@@ -170,9 +170,9 @@ def _sporadic(recording: Recording, events: list[_Event], alike: Sequence[_Event
     recording
         The run, whose excitation gives the period.
     events
-        Suspects.
-    alike
-        All events of their kind, however weak. A suspect recurs if three of these, itself included, start and
+        Candidates.
+    all_events
+        All events of their kind, however weak. A candidate recurs if three of these, itself included, start and
         end at its phase.
 
     Returns
@@ -183,14 +183,14 @@ def _sporadic(recording: Recording, events: list[_Event], alike: Sequence[_Event
         Number of those that do.
     """
     frequency, Ts = recording.excitation.frequency, recording.sample_time
-    if frequency <= 0.0 or not events or len(alike) < RECURRING:
+    if frequency <= 0.0 or not events or len(all_events) < RECURRING:
         return events, 0
     half = 0.5 / (frequency * Ts)  # samples: what a symmetric drive does both ways comes twice a period
     near = max(2.0, min(0.05 * half, 0.01 / Ts))
     recurring = 0
     sporadic = []
     for event in events:
-        shift = np.array([(other.first - event.first, other.last - event.last) for other in alike])
+        shift = np.array([(other.first - event.first, other.last - event.last) for other in all_events])
         apart = np.abs((shift + 0.5 * half) % half - 0.5 * half)
         # an event that outlasts the half-period is no impact, whatever its phase
         if event.last - event.first < half and np.sum(np.all(apart <= near, axis=1)) >= RECURRING:

@@ -33,10 +33,10 @@ def test_one_tie_answers_for_one_effect_only():
 
 def test_any_name_is_false_where_nothing_or_a_stranger_is_concealed():
     assert judge(outcome("null", [], [finding("tilt", "guide")])).false_names == ("tilt@guide",)
-    stranger = judge(outcome("outside", [effect("slew_limit", "outside")], [finding("tilt", "guide")]))
-    assert stranger.outside == "slew_limit"
-    assert stranger.concealed == ()
-    assert stranger.false_names == ("tilt@guide",)
+    outside = judge(outcome("outside", [effect("slew_limit", "outside")], [finding("tilt", "guide")]))
+    assert outside.outside == "slew_limit"
+    assert outside.concealed == ()
+    assert outside.false_names == ("tilt@guide",)
 
 
 def test_a_fault_is_found_where_encoder_recording_and_time_agree():

@@ -14,8 +14,8 @@ VALUES = {"m1": 7.6e-4, "m2": 3.4e-4, "b1": 9.5e-3, "b2": 3.2e-3, "k": 0.096, "d
 XR = handout_trajectory(np.arange(4001) * 1e-3)
 
 
-def error(drive, controller, ahead=0.0):
-    return float(np.sqrt(np.mean((XR - run_batch([drive], XR, controller, disturbance=ahead)[0, 2]) ** 2)))
+def error(drive, controller, feedforward=0.0):
+    return float(np.sqrt(np.mean((XR - run_batch([drive], XR, controller, disturbance=feedforward)[0, 2]) ** 2)))
 
 
 @each("effect", [{}, {"dead_zone.uz": 0.3}, {"stribeck.cart_2.extra": 0.15}, {"input_delay.tau": 0.005}], ids=str)

@@ -40,9 +40,9 @@ def test_p_control_is_a_law_without_state():
     assert np.allclose(by_gain.u, np.clip(0.05 * (XR - COUNT_MM * by_gain.counts[1]), -LIMIT_V, LIMIT_V), atol=1e-12)
 
 
-def test_the_factor_raises_the_loop_gain_and_leaves_what_is_known_ahead():
-    ahead = np.full(len(XR), 0.1)
-    motion = run(VALUES, quiet(len(XR)), XR, law=p_law(0.02), factor=2.0, ahead=ahead)
+def test_the_factor_raises_the_loop_gain_and_leaves_the_feedforward():
+    feedforward = np.full(len(XR), 0.1)
+    motion = run(VALUES, quiet(len(XR)), XR, law=p_law(0.02), factor=2.0, feedforward=feedforward)
     assert np.allclose(motion.u, 0.04 * (XR - COUNT_MM * motion.counts[1]) + 0.1, atol=1e-12)
 
 
@@ -69,9 +69,14 @@ def test_the_shaper_repeats_the_reference_later():
 def test_a_black_box_that_is_the_law_does_the_same():
     """Asked sample by sample, in parts of one sample each, the rig goes on where it was."""
     law = p_law(0.09)
-    compiled = run(VALUES, quiet(len(XR)), XR, law=law, factor=0.8, ahead=0.1 * XR / 50.0)
+    compiled = run(VALUES, quiet(len(XR)), XR, law=law, factor=0.8, feedforward=0.1 * XR / 50.0)
     asked = run(
-        VALUES, quiet(len(XR)), XR, asked=lambda _t, xr, _y1, y2: 0.09 * (xr - y2), factor=0.8, ahead=0.1 * XR / 50.0
+        VALUES,
+        quiet(len(XR)),
+        XR,
+        asked=lambda _t, xr, _y1, y2: 0.09 * (xr - y2),
+        factor=0.8,
+        feedforward=0.1 * XR / 50.0,
     )
     assert np.max(np.abs(compiled.u - asked.u)) < 1e-9
     assert np.max(np.abs(compiled.states[[0, 2]] - asked.states[[0, 2]])) < COUNT_MM
