@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from flexdrive_gym.recording import FloatArray
-    from identification.recordings.reader import Parsed
+    from identification.recordings.parsed import Parsed
 
 CLOSE = 2e-5  # of a channel's span, by which the same numbers differ where one file rounds them
 FEWEST_LEVELS = 8  # that a channel must visit: a cart at rest repeats itself in every run

@@ -17,17 +17,17 @@ from identification.recordings.errors import NotARecordingError, RecordingError,
 from identification.recordings.faults import find_faults, missing_samples
 from identification.recordings.files import read_table
 from identification.recordings.folders import collect, short_names, wanted
+from identification.recordings.parsed import Parsed
 from identification.recordings.quantum import encoder_quantum, velocity_cutoff
 from identification.recordings.recognise import recognise_excitation
 from identification.recordings.recording_set import RecordingSet, Skipped, reasons
 from identification.recordings.rig import Rig, load_rig
 from identification.recordings.roles import find_roles
 from identification.recordings.scale import choose_units
-from identification.recordings.timing import Uniform, make_uniform
+from identification.recordings.timing import make_uniform
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from datetime import datetime
 
     from flexdrive_gym.recording import FloatArray
     from identification.recordings.rig import FileRule
@@ -50,41 +50,6 @@ class _File:
     def source(self) -> str:
         """Path from the folder down."""
         return self.path.name if self.root is None else self.path.relative_to(self.root).as_posix()
-
-
-@dataclass(frozen=True)
-class Parsed:
-    """One file, understood, in the rig's units.
-
-    Attributes
-    ----------
-    name, source
-        Of the recording, and path from the folder down.
-    uniform
-        Signals on a uniform time base.
-    raw
-        Signals before missing values were filled in and samples resampled, by which units are checked.
-    steps
-        Smallest step of each measured signal; 0 where it shows none.
-    cutoff
-        How the velocities were made: 0 raw, a cut-off [Hz], or ``None`` if the data do not tell.
-    """
-
-    name: str
-    source: str
-    uniform: Uniform
-    raw: dict[str, FloatArray]
-    steps: dict[str, float]
-    cutoff: float | None
-    notes: tuple[str, ...] = ()
-    recorded: datetime | None = None
-    session: str = ""
-    held: tuple[int, ...] = ()
-
-    @property
-    def Ts(self) -> float:
-        """Sampling period [s]; the time base is uniform."""
-        return float(self.uniform.t[1] - self.uniform.t[0])
 
 
 def read_recordings(

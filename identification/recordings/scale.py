@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from flexdrive_gym.recording import FloatArray
     from flexdrive_gym.units import Units
-    from identification.recordings.reader import Parsed
+    from identification.recordings.parsed import Parsed
     from identification.recordings.rig import Rig
 
 USUAL_COMMAND = 2.0  # V that the lab's runs reach
