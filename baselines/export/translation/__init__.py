@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from baselines.export.translation.entry import first_sample, one_sample
 from baselines.export.translation.function import UntranslatableError
-from baselines.export.translation.translator import Translation, Translator, constants_in, field_name
+from baselines.export.translation.placement import field_name
+from baselines.export.translation.translator import Translation, Translator, constants_in
 
 __all__ = [
     "Translation",

@@ -116,7 +116,7 @@ class Expressions(Known):
         if node.value.id == "p":
             if not isinstance(known, int):
                 raise self._error(node)
-            return self._owner.parameter(known)
+            return self._placement.parameter(known)
         array = self._array(node.value.id)
         if isinstance(known, int):
             return f"{array}({known + 1})"
@@ -207,7 +207,7 @@ class Expressions(Known):
             )
             if name == "step" and known is None and isinstance(argument, ast.Name):
                 known = self._scope[argument.id]
-            decides = name in DECIDING and known is not NotImplemented and not (name == "r" and self._owner.states)
+            decides = name in DECIDING and known is not NotImplemented and not (name == "r" and self._placement.states)
             if decides:
                 bound[name] = known
             elif name not in DROPPED:
@@ -218,7 +218,7 @@ class Expressions(Known):
             else ""
         )
         hook = written if self._scope.get(written) is plain and plain.__module__.startswith(effects.__name__) else ""
-        return self._owner.function(called, bound, hook), rest
+        return self._translate(called, bound, hook), rest
 
     def _writes_of(self, node: ast.expr) -> list[str]:
         if not isinstance(node, ast.Call):
@@ -255,7 +255,7 @@ class Expressions(Known):
 
     def _call_statement(self, node: ast.Call, targets: Sequence[ast.expr]) -> None:
         name = getattr(self._callable(node), "__name__", "")
-        if name == "prepare" or (name == "begin_piece" and not self._owner.looks_back):
+        if name == "prepare" or (name == "begin_piece" and not self._placement.looks_back):
             return  # the workspace comes cleared, and its flags are known
         found, arguments = self._resolved(node)
         if not isinstance(found, Function):

@@ -5,34 +5,48 @@ from __future__ import annotations
 import ast
 import builtins
 import math
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
 from baselines.export.translation.function import DROPPED, NOTES, ZERO, Function, Scope, UntranslatableError
+from baselines.export.translation.placement import Placement
 from flexdrive_gym.drive import forces, piece
 from flexdrive_gym.drive.simd import pack
-
-if TYPE_CHECKING:
-    from baselines.export.translation.translator import Translator
 
 SAME = (pack.anywhere, pack.leading, np.int64)
 
 
 class Known:
-    """One function, and what is known of it."""
+    """One function, and what is known of it.
+
+    Parameters
+    ----------
+    placement
+        Of the drive's effects.
+    translate
+        Returns the translation of a function that this one calls, from its deciding arguments and, for a hook, its name.
+    tree, scope, module
+        Syntax tree, names and module of the function.
+    bound
+        Deciding arguments.
+    to
+        What is written of it.
+    """
 
     def __init__(
         self,
-        owner: Translator,
+        placement: Placement,
+        translate: Callable[[Callable[..., Any], Mapping[str, Any], str], Function],
         tree: ast.FunctionDef,
         scope: Scope,
         bound: Mapping[str, Any],
         module: str,
         to: Function,
     ) -> None:
-        self._owner, self._tree, self._scope, self._module, self._to = owner, tree, scope, module, to
+        self._placement, self._translate = placement, translate
+        self._tree, self._scope, self._module, self._to = tree, scope, module, to
         self._known: dict[str, Any] = dict(bound)
         self._lines: list[str] = []
         self._depth = 1
@@ -85,12 +99,12 @@ class Known:
         if name in self._arguments or name in self._stored:
             return NotImplemented
         if name in NOTES:
-            return self._owner.note(name)
+            return self._placement.note(name)
         value = self._scope.get(name, NotImplemented)
         if value == math.pi:
             return NotImplemented
         if isinstance(value, float):
-            return self._owner.constant(self._module, name, value)
+            return self._placement.constant(self._module, name, value)
         return value if isinstance(value, int) else NotImplemented
 
     def _fold_logic(self, node: ast.BoolOp) -> Any:
@@ -103,9 +117,9 @@ class Known:
     def _fold_call(self, node: ast.Call) -> Any:
         called = self._callable(node)
         if called is pack.raised:
-            return self._owner.flagged(self._fold(node.args[1]))
+            return self._placement.flagged(self._fold(node.args[1]))
         if called is piece.width:
-            return self._owner.states
+            return self._placement.states
         if getattr(called, "__name__", "") == "_linear":
             return False
         if called in (forces.row, *SAME):

@@ -14,8 +14,8 @@ from flexdrive_gym.drive.simd import pack
 class Writer(Expressions):
     """Write one function."""
 
-    def write(self, *, keep: bool = False) -> Function | None:
-        """Write it; return the function of which it is a mere wrapper, if it is one."""
+    def write(self, written: Sequence[Function], *, keep: bool = False) -> Function | None:
+        """Write it; return the one of those ``written`` before of which it is a mere wrapper, if it is one."""
         to, body = self._to, self._tree.body
         about = ast.get_docstring(self._tree)
         if about is not None:
@@ -41,7 +41,7 @@ class Writer(Expressions):
         left = f"[{', '.join(outputs)}]" if len(outputs) != 1 else outputs[0]
         only = re.fullmatch(r"(.*) = (@\d+@)\((.*)\);", lines[0].strip()) if len(lines) == 1 else None
         if only and not keep and only[1] == left and only[3] == ", ".join(to.parameters):
-            return next(f for f in self._owner.written() if f.mark == only[2])
+            return next(f for f in written if f.mark == only[2])
         comment = [] if about is None else [f"  % {line.strip()}" for line in about.splitlines()[:1]]
         to.text = "\n".join([f"function {left} = {to.mark}({', '.join(to.parameters)})", *comment, *lines, "end"])
         return None

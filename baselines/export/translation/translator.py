@@ -20,10 +20,10 @@ from dataclasses import dataclass
 from itertools import count
 from typing import Any
 
-from baselines.export.translation.function import NOTES, Function, Scope, UntranslatableError, parameters_of
+from baselines.export.translation.function import Function, Scope, UntranslatableError, parameters_of
+from baselines.export.translation.placement import Placement, field_name
 from baselines.export.translation.statements import Writer
-from flexdrive_gym.drive import forces
-from flexdrive_gym.drive.effects import ARGUMENTS, FLAG, LAYOUT, REMEMBERING, ROWS, Slot, hooks_of
+from flexdrive_gym.drive.effects import ARGUMENTS, LAYOUT, REMEMBERING
 from flexdrive_gym.drive.effects.motor_gear_backlash import EFFECT as BACKLASH
 
 
@@ -49,11 +49,6 @@ class Translation:
     cells: dict[int, str]
 
 
-def field_name(key: str) -> str:
-    """Return a parameter's name as a field of MATLAB: ``stribeck.cart_1.vs`` becomes ``stribeck_cart_1_vs``."""
-    return key.replace(".", "_")
-
-
 class Translator:
     """Translate functions of the step for one drive.
 
@@ -66,48 +61,12 @@ class Translator:
     """
 
     def __init__(self, present: Collection[tuple[str, str]], constants: Mapping[str, float] | None = None) -> None:
-        self._present = set(present)
-        self._constants = dict(constants or {})
+        self._placement = Placement(present, constants or {})
         self._done: dict[Any, Function] = {}
         self._order: list[Function] = []
         self._taken: set[str] = set()
         self._count = count()
         self._entries: set[Callable[..., Any]] = set()
-        self._place()
-
-    def _place(self) -> None:
-        """Give the states and memory cells of the effects that are present their places, without gaps."""
-        own: dict[tuple[str, str], Slot] = {}
-        for slot in LAYOUT.values():
-            own.setdefault((slot.effect.id, slot.where), slot)
-        mine = [slot for which, slot in own.items() if which in self._present]
-        self.states, self._state_at = 0, {}
-        names = []
-        for slot in mine:
-            self._state_at[slot.effect.id, slot.where] = self.states
-            self.states += len(slot.effect.states)
-            names += [f"{slot.effect.id}, {slot.where}: {state}" for state in slot.effect.states]
-        rows = ("state", "stage", "slope 1", "slope 2", "slope 3", "slope 4", "trial")
-        self.cells = {i + 1: f"{names[i % self.states]} ({rows[i // self.states]})" for i in range(ROWS * self.states)}
-        at = ROWS * self.states
-        self._note_at = {name: at + i for i, name in enumerate(NOTES)}
-        words = (
-            "x1 where the piece began",
-            "x2 where the piece began",
-            "time when it began",
-            "acceleration of the track",
-        )
-        self.cells |= {at + i + 1: text for i, text in enumerate(words)}
-        at += len(NOTES)
-        self._memory_at = {}
-        for slot in mine:
-            self._memory_at[slot.effect.id, slot.where] = at
-            for i in range(slot.effect.memory):
-                self.cells[at + i + 1] = f"{slot.effect.id}, {slot.where}: memory {i + 1}"
-            at += slot.effect.memory
-        sites = {site.partition(":")[0] for slot in mine for site in slot.effect.hooks}
-        # only such hooks ask how far a piece has come
-        self.looks_back = bool(sites & {"actuator", "cart", "finish"})
 
     def translate(self, *entries: Callable[..., Any], **bound: Any) -> Translation:
         """Translate entry points and everything they call.
@@ -131,40 +90,7 @@ class Translator:
         text = re.sub(r"@\d+@", lambda mark: marked[mark[0]].name, text)
         fields = set(re.findall(r"\bp\.(\w+)", text))
         keys = ["m1", "m2", *(key for key in LAYOUT if field_name(key) in fields)]
-        return Translation(text, [_entry_call(f) for f in begun], keys, self.cells)
-
-    def active(self, site: str, where: str | None) -> list[tuple[Callable[..., Any], Slot]]:
-        """Return the hooks of a chain that this drive has."""
-        return [
-            (hook, slot)
-            for hook, slot in hooks_of(site, where)
-            if slot.effect.base or (slot.effect.id, slot.where) in self._present
-        ]
-
-    def written(self) -> list[Function]:
-        """Return what is written so far."""
-        return self._order
-
-    def flagged(self, flag: int) -> bool:
-        """Whether a flag of the workspace is set for this drive."""
-        for which, index in FLAG.items():
-            if index == flag:
-                return any(not slot.effect.base for _hook, slot in self.active(*which)) or which == ("command", None)
-        return False  # linear between events, or all effects on carts only: shortcuts that are not taken
-
-    def parameter(self, index: int) -> str:
-        """Return a parameter of the vector as an expression."""
-        if index in (forces.W1, forces.W2):
-            return f"(1 / p.{'m1' if index == forces.W1 else 'm2'})"
-        return f"p.{field_name(next(key for key, slot in LAYOUT.items() if slot.index == index))}"
-
-    def constant(self, module: str, name: str, value: float) -> float:
-        """Return a constant of a module, in the units that the step runs in."""
-        return value * self._constants.get(f"{module.rpartition('.')[2]}.{name}", 1.0)
-
-    def note(self, name: str) -> int:
-        """Return where in the workspace a note of the step is."""
-        return self._note_at[name]
+        return Translation(text, [_entry_call(f) for f in begun], keys, self._placement.cells)
 
     def function(self, called: Callable[..., Any], bound: Mapping[str, Any], name: str = "") -> Function:
         """Return the function for these deciding arguments, translated once."""
@@ -182,7 +108,8 @@ class Translator:
             if not isinstance(tree, ast.FunctionDef):
                 raise UntranslatableError(f"function: must be a function; got {plain!r}.")
             done = Function(self._named(name or given), f"@{next(self._count)}@")
-            same = Writer(self, tree, scope, bound, plain.__module__, done).write(keep=plain in self._entries)
+            writer = Writer(self._placement, self.function, tree, scope, bound, plain.__module__, done)
+            same = writer.write(self._order, keep=plain in self._entries)
             if same is not None:
                 # a mere wrapper: what it calls takes its name
                 self._taken.discard(same.name)
@@ -203,15 +130,12 @@ class Translator:
         """Return the chain of the hooks that are present, as source of its own."""
         scope: dict[str, Any] = {}
         lines = []
-        hooks = self.active(site, where)
+        hooks = self._placement.active(site, where)
         for hook, slot in hooks:
-            which = (slot.effect.id, slot.where)
             places = f"_{slot.where}" if len(slot.effect.where) > 1 else ""
             name = f"{slot.effect.id}{places}_{hook.__name__.strip('_')}"
             scope[name] = hook
-            # base effects remember nothing
-            own = f"r + {self._state_at[which]}" if slot.effect.states else f"{self._memory_at.get(which, 0)}"
-            remembers = f"z, {own}" if site in REMEMBERING else ""
+            remembers = f"z, {self._placement.own(slot)}" if site in REMEMBERING else ""
             arguments = ["acc", ARGUMENTS[site], remembers, f"p, {slot.base_index}"]
             lines.append(f"{name}({', '.join(a for a in arguments if a)})")
         signature = ", ".join(a for a in ("acc", ARGUMENTS[site], "z, r, p") if a)
