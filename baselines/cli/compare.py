@@ -169,7 +169,7 @@ def compare(
     if len(found) > 1:
         from baselines.compare.tables import drives_table  # noqa: PLC0415
 
-        beside = drives_table([(label, f.result) for label, f in found.items()])
+        beside = drives_table([(label, f.result.drive, f.result.results) for label, f in found.items()])
         table(beside.title, beside.columns, beside.rows)
     for page in [*(p for f in found.values() for p in f.pages), *both]:
         say(f"wrote {page}")
@@ -336,7 +336,7 @@ def _print(
     units = result.drive.units
     told = in_rig_units(result, units)
     chosen = shortlist(told)
-    overview = overview_table(told, chosen).of_rig(units)
+    overview = overview_table(told.drive, told.limit, chosen).of_rig(units)
     table(overview.title, overview.columns, overview.rows)
     for sentence in [*headline(result), *learnt_verdicts(result, summaries, improvements)]:
         say(sentence)
@@ -349,11 +349,11 @@ def _print(
 
 
 def _print_all(result: Comparison, summaries: Sequence[Summary]) -> None:
-    from baselines.compare.tables import BY_TRIAL, LINEAR, tables, with_friction  # noqa: PLC0415
+    from baselines.compare.tables import BY_TRIAL, LINEAR, with_friction  # noqa: PLC0415
     from flexdrive_gym.units import in_rig_units  # noqa: PLC0415
 
     units = result.drive.units
-    for found in tables(result):
+    for found in result.tables():
         table(found.title, found.columns, found.rows)
     say(f"{LINEAR} {BY_TRIAL}")
     say(with_friction(units))

@@ -5,7 +5,8 @@ from baselines.compare.cases import DRAWS, UNSEEN, Case, cases_of, named_referen
 from baselines.compare.comparison import DURATION_S, compare
 from baselines.compare.entries import Entry, agent_entries, entries, previewed_entries
 from baselines.compare.own import is_own, load_linear, load_own, own_entry
-from baselines.compare.results import Comparison, Group, Result
+from baselines.compare.result import Group, Result
+from baselines.compare.results import Comparison
 from baselines.compare.sentences import headline
 from baselines.compare.shortlist import shortlist
 from baselines.compare.summary import Improvement, Summary, summarise

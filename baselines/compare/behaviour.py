@@ -13,7 +13,8 @@ import numpy as np
 
 from baselines.compare.cases import HANDOUT, Reference
 from baselines.compare.comparison import instants
-from baselines.compare.results import Comparison, Result
+from baselines.compare.result import Result
+from baselines.compare.results import Comparison
 from baselines.controllers import SAMPLE_TIME_S
 from baselines.evaluation.metrics import dwells
 from baselines.evaluation.rollout import RIG_TIME_S, run_many

@@ -20,7 +20,8 @@ import numpy as np
 from baselines.compare.cases import DRAWS, UNSEEN_REFERENCES, Case, Reference, cases_of, named_reference
 from baselines.compare.entries import Entry
 from baselines.compare.own import as_entries
-from baselines.compare.results import Comparison, result_of
+from baselines.compare.result import result_of
+from baselines.compare.results import Comparison
 from baselines.evaluation.metrics import NAMES, TOLERANCE_MM, TRAVEL_MM, measure
 from baselines.evaluation.parallel import Backend, Progress, run_jobs
 from baselines.evaluation.rollout import RIG_TIME_S, Previewed, run_many

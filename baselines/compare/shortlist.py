@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from baselines.compare.results import Comparison, Result
+from baselines.compare.result import Result
+from baselines.compare.results import Comparison
 from baselines.controllers import KINDS
 
 MOST = 8

@@ -8,7 +8,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from baselines.compare.results import Comparison, Group
+from baselines.compare.result import Group
+from baselines.compare.results import Comparison
 from baselines.evaluation.statistics import NOTHING, Estimate, estimate_iqm, estimate_mean, probability_of_improvement
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.units import measured_in

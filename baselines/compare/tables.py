@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
-from typing import TYPE_CHECKING
 
+from baselines.compare.result import Result
 from baselines.evaluation.proportions import Share
 from baselines.loop_analysis.empirical_margins import SWING_MM
+from flexdrive_gym import Drive
 from flexdrive_gym.units import LAB, Units, in_rig_units
-
-if TYPE_CHECKING:
-    from baselines.compare.results import Comparison, Result
 
 # which margin is which, wherever one is shown
 LINEAR = (
@@ -97,11 +95,15 @@ def doing(bounded: bool, swing: float | None, units: Units = LAB) -> str:
 LEAST_SWING_MM = 0.1
 
 
-def overview_table(found: Comparison, results: Sequence[Result]) -> Table:
+def _setting(drive: Drive, limit: float) -> str:
+    """Say on what controllers run; ``limit`` is the comparison's, which the drive's own may undercut."""
+    return f"on “{drive.name}”, simulated, ±{min(limit, drive.voltage_limit):.4g} {drive.units.command}"
+
+
+def overview_table(drive: Drive, limit: float, results: Sequence[Result]) -> Table:
     """Return what matters most of some controllers in a few columns, no wider than 80 characters; figures as they are given."""
-    limit = min(found.limit, found.drive.voltage_limit)
     return Table(
-        f"on “{found.drive.name}”, simulated, ±{limit:.4g} {found.drive.units.command}",
+        _setting(drive, limit),
         ("controller", "rms e [mm]", "peak [mm]", "settles", "on draws", "vibration [V mm]", "GM linear", "GM with friction"),
         tuple(
             (r.entry.name, figure(m.rms, 3), figure(m.peak, 3), "yes" if m.success else "no",
@@ -113,22 +115,21 @@ def overview_table(found: Comparison, results: Sequence[Result]) -> Table:
     )  # fmt: skip
 
 
-def tracking_table(found: Comparison) -> Table:
+def tracking_table(drive: Drive, limit: float, results: Sequence[Result]) -> Table:
     """Return the measures along the handout's trajectory on the identified drive, figures as they are given."""
-    limit = min(found.limit, found.drive.voltage_limit)
     return Table(
-        f"tracking on “{found.drive.name}”, simulated, ±{limit:.4g} {found.drive.units.command}",
+        f"tracking {_setting(drive, limit)}",
         ("controller", "reads", "rms e [mm]", "peak [mm]", "settling [s]", "overshoot [%]", "vibration [V mm]", "rms u [V]",
          "peak u [V]"),
         tuple(
             (r.entry.name, r.entry.feedback, figure(m.rms, 3), figure(m.peak, 3), figure(m.settling, 2), figure(m.overshoot, 2),
              figure(m.vibration, 2), figure(m.effort, 3), figure(m.effort_peak, 3))
-            for r in found.results for m in [r.nominal]
+            for r in results for m in [r.nominal]
         ),
     )  # fmt: skip
 
 
-def margins_table(found: Comparison, units: Units) -> Table:
+def margins_table(results: Sequence[Result], units: Units) -> Table:
     """Return the margins, each by its name; figures as they are given, in the rig's ``units``."""
     return Table(
         "margins of the sampled linear loop (in brackets: by trial), and simulated with friction and limit",
@@ -141,12 +142,12 @@ def margins_table(found: Comparison, units: Units) -> Table:
              figure(None if m is None else m.disk_margin, 2), figure(None if m is None else m.sensitivity_peak, 3),
              figure(None if m is None else m.stiffness, 3), figure(None if f is None else f.gain_margin, 4),
              figure(None if f is None else 1e3 * f.delay_margin, 4), loop_words(r, units))
-            for r in found.results for m, e, f in [(r.margins, r.empirical, r.on_rig)]
+            for r in results for m, e, f in [(r.margins, r.empirical, r.on_rig)]
         ),
     )  # fmt: skip
 
 
-def robustness_table(found: Comparison) -> Table:
+def robustness_table(results: Sequence[Result]) -> Table:
     """Return shares of success over drawn drives and left-out effects."""
     return Table(
         "robustness",
@@ -155,44 +156,36 @@ def robustness_table(found: Comparison) -> Table:
             (r.entry.name, share_cell(r.stable_draws), share_cell(r.draws),
              "–" if r.draw_rms is None else f"{r.draw_rms[0]:.3g} … {r.draw_rms[2]:.3g}",
              "–" if r.effect_share is None else f"{r.effect_share.hits} of {r.effect_share.trials}")
-            for r in found.results
+            for r in results
         ),
     )  # fmt: skip
 
 
-def tables(found: Comparison) -> list[Table]:
-    """Return tracking, margins and robustness in the rig's units."""
-    units, shown = found.drive.units, in_rig_units(found, found.drive.units)
-    return [
-        table.of_rig(units) for table in (tracking_table(shown), margins_table(shown, units), robustness_table(shown))
-    ]
-
-
-def drives_table(found: Sequence[tuple[str, Comparison]]) -> Table:
+def drives_table(found: Sequence[tuple[str, Drive, Sequence[Result]]]) -> Table:
     """Return controllers on several drives: a row each, and columns for every drive.
 
     Parameters
     ----------
     found
-        Label of a drive and its comparison.
+        Label of a drive, the drive, and what was found on it.
     """
-    names = dict.fromkeys(r.entry.name for _label, c in found for r in c.results)
+    names = dict.fromkeys(r.entry.name for _label, _drive, results in found for r in results)
     rows = []
     for name in names:
         row = [name]
-        for _label, c in found:
-            r = next((r for r in c.results if r.entry.name == name), None)
+        for _label, drive, results in found:
+            r = next((r for r in results if r.entry.name == name), None)
             if r is None:
                 row += ["–"] * 4
                 continue
-            r = in_rig_units(r, c.drive.units)
+            r = in_rig_units(r, drive.units)
             gain = None if r.margins is None else r.margins.gain_margin
             rig = None if r.on_rig is None else r.on_rig.gain_margin
             row += [figure(r.nominal.rms, 3), "yes" if r.nominal.success else "no", figure(gain), figure(rig)]
         rows.append(tuple(row))
     head = [
-        c.drive.units.label(f"{label}: {what}")
-        for label, c in found
+        drive.units.label(f"{label}: {what}")
+        for label, drive, _results in found
         for what in ("rms e [mm]", "settles", "GM linear", "GM with friction")
     ]
     return Table("side by side", ("controller", *head), tuple(rows))

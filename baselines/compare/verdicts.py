@@ -9,7 +9,8 @@ import numpy as np
 
 from baselines.compare.behaviour import Behaviour, Shown, best_classical
 from baselines.compare.cases import HANDOUT
-from baselines.compare.results import Comparison, Group, Result
+from baselines.compare.result import Group, Result
+from baselines.compare.results import Comparison
 from baselines.compare.summary import Improvement, Summary
 from baselines.loop_analysis.describing_function import analytic_response
 from flexdrive_gym import LinearController

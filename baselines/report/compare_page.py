@@ -60,7 +60,7 @@ def _overview(told: Comparison, chosen: Sequence[Result], units: Units) -> Secti
         + " and against the vibration left in the dwells. One point a controller: low is accurate, right on the left panel "
         "is robust, left on the right panel is calm. Hollow points do not settle in every dwell.",
     )
-    table = overview_table(told, chosen)
+    table = overview_table(told.drive, told.limit, chosen)
     section.table(table.columns, table.rows)
     rest = len(told.results) - len(chosen)
     section.text(

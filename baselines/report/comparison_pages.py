@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from baselines.compare import Comparison, headline
-from baselines.compare.tables import LINEAR, drives_table, tables, with_friction
+from baselines.compare.tables import LINEAR, drives_table, with_friction
 from baselines.report.compare_page import build_compare_page
 from baselines.report.page import Section, render
 from baselines.report.teaching_page import build_teaching_page
@@ -31,7 +31,7 @@ def write_drives_page(found: Mapping[str, Comparison], folder: str | Path) -> Pa
         Label of a drive to its comparison; the label is the folder of its own pages.
     """
     beside = Section("Side by side", "beside")
-    table = drives_table(list(found.items()))
+    table = drives_table([(label, c.drive, c.results) for label, c in found.items()])
     beside.table(table.columns, table.rows)
     beside.text(LINEAR)
     for said in dict.fromkeys(with_friction(comparison.drive.units) for comparison in found.values()):
@@ -40,7 +40,7 @@ def write_drives_page(found: Mapping[str, Comparison], folder: str | Path) -> Pa
     for i, (label, comparison) in enumerate(found.items()):
         section = Section(f"{label}: {comparison.drive.name}", f"drive_{i}")
         section.items(headline(comparison))
-        for own in tables(comparison):
+        for own in comparison.tables():
             section.heading(own.title)
             section.table(own.columns, own.rows)
         section.text(f"Plots and everything else: {label}/compare.html.")

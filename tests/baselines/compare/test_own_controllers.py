@@ -141,7 +141,7 @@ def test_a_comparison_prints_as_tables_and_sits_beside_another(tmp_path):
     assert "mine" in text.splitlines()[2]
     assert "GM linear" in text
     assert "GM with friction" in text
-    beside = drives_table(list(found.items()))
+    beside = drives_table([(label, c.drive, c.results) for label, c in found.items()])
     assert beside.columns[1] == "a: rms e [mm]"
     assert beside.columns[5] == "b: rms e [mm]"
     assert [row[0] for row in beside.rows] == ["mine", "lab4"]

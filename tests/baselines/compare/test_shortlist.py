@@ -55,7 +55,7 @@ def test_ones_own_come_first_and_what_does_not_settle_last():
 
 def test_the_eight_fit_a_terminal_of_80_columns():
     found = comparison(*many())
-    table = overview_table(found, shortlist(found))
+    table = overview_table(found.drive, found.limit, shortlist(found))
     (sheet,) = laid_out(table.columns, table.rows, 80)
     assert max(map(len, sheet)) <= 80
     assert all(len([line for line in sheet if line.startswith(row[0])]) == 1 for row in table.rows)
