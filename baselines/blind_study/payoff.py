@@ -30,7 +30,7 @@ from baselines.loop_analysis.stability_limit import with_rig
 from baselines.rig_simulator.critical_gain import LARGEST_FACTOR, critical_gain, gain_margin
 from baselines.rig_simulator.ingredients import rig_values
 from baselines.rig_simulator.kernel import LIMIT_V
-from baselines.rig_simulator.rig import Law, run
+from baselines.rig_simulator.rig import Law, Sampled, run
 from baselines.rig_simulator.trials import after_the_day
 from baselines.rig_simulator.truth import Truth
 from baselines.rl.agents import Agent
@@ -185,7 +185,7 @@ def payoff(
             if key not in margins:  # a feedforward command leaves the margin alone
                 with_friction, without = (gain_margin(truth, law, friction=f) or LARGEST_FACTOR for f in (True, False))
                 margins[key] = with_friction, without
-            tried = _tried(truth, name, made, margins[key], law=law, feedforward=feedforward)
+            tried = _tried(truth, name, made, margins[key], law, feedforward)
             outcomes.append(replace(tried, predicted_margin=promise))
     outcomes += [tried_agent(truth, name, agent, drives[name]) for name, agent in (agents or {}).items()]
     return Payoff(critical_gain(truth), predicted, tuple(outcomes))
@@ -235,17 +235,23 @@ def tried_agent(truth: Truth, name: str, agent: Agent, drive: Drive) -> Outcome:
             controller.reset()
         return controller(Observation(t, xr, x1, x2, 0.0, 0.0))
 
-    return _tried(truth, name, AGENT, (None, None), asked=asked)
+    return _tried(truth, name, AGENT, (None, None), asked)
 
 
 def _tried(
-    truth: Truth, drive: str, made: str, margins: tuple[float | None, float | None], **controller: Any
+    truth: Truth,
+    drive: str,
+    made: str,
+    margins: tuple[float | None, float | None],
+    controller: Law | Sampled,
+    feedforward: FloatArray | None = None,
 ) -> Outcome:
-    """Run the handout's trajectory on the rig with its nuisance; ``controller`` is what the simulator's ``run`` takes."""
+    """Run the handout's trajectory on the rig with its nuisance."""
     xr, values, base = reference(), rig_values(truth), Drive(dict(truth.drive))
     found = []
     for i in range(RUNS):
-        motion = run(values, after_the_day(truth, len(xr), i), xr, **controller)
+        world = after_the_day(truth, len(xr), i)
+        motion = run(values, world, xr, controller=controller, feedforward=feedforward)
         # the reference counts from where the cart stood when the encoders were switched on
         states = motion.states - motion.states[:, :1]
         found.append(measure(base, xr, states, motion.u, SAMPLE_TIME_S, limit=LIMIT_V))

@@ -16,7 +16,7 @@ from baselines.report.words import effect_name
 from baselines.rig_simulator.catalogue import CATALOGUE
 from baselines.rig_simulator.ingredients import rig_values
 from baselines.rig_simulator.recordings import Experiment, Log, as_text, command
-from baselines.rig_simulator.rig import run
+from baselines.rig_simulator.rig import p_law, run
 from baselines.rig_simulator.trials import after_the_day
 from baselines.rig_simulator.truth import Truth, draw_truth
 from flexdrive_gym.files import write_atomically
@@ -105,7 +105,7 @@ def conduct(exercise: Exercise, folder: Path, kind: Kind, amplitude: float, freq
     experiment = Experiment(f"{number:02d}_{kind}_{unit}", kind, amplitude, frequency)
     asked = command(experiment)
     world = after_the_day(exercise.truth, len(asked), exercise.runs)
-    motion = run(rig_values(exercise.truth), world, asked, gain=amplitude if closed else 0.0)
+    motion = run(rig_values(exercise.truth), world, asked, controller=p_law(amplitude) if closed else None)
     log = Log(experiment, motion.u, motion.counts, motion.shown, asked if closed else None)
     concealed = {(e.id, e.where) for e in exercise.truth.effects}
     rectified = (("rectified_sensor", "encoder_1") in concealed, ("rectified_sensor", "encoder_2") in concealed)

@@ -55,7 +55,7 @@ def _trial(truth: Truth, law: Law, *, friction: bool = True) -> Callable[[float]
 
     def unstable(factor: float) -> bool:
         # the limit stays where it is while the gain before it changes, and the controller knows
-        motion = run(values, world, xr, law=replace(law, limit=law.limit / factor), factor=factor)
+        motion = run(values, world, xr, controller=replace(law, limit=law.limit / factor), factor=factor)
         late, swing = motion.u[-tail:], float(np.ptp(motion.states[2, -tail:]))
         if friction:
             return swing > SWING_MM

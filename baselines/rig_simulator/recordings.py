@@ -15,7 +15,7 @@ from baselines.rig_simulator.faults import broken, place_faults
 from baselines.rig_simulator.ingredients import along_the_track, over_time, rig_values
 from baselines.rig_simulator.kernel import COUNT_MM, SAMPLE_S, FloatArray
 from baselines.rig_simulator.nuisance import nuisance_of_run, track_of
-from baselines.rig_simulator.rig import run
+from baselines.rig_simulator.rig import p_law, run
 from baselines.rig_simulator.truth import Truth
 
 FREQUENCIES_HZ = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 8.0, 12.0, 16.0, 20.0)
@@ -99,7 +99,7 @@ def simulate_data_set(truth: Truth, only: Collection[str] | None = None) -> Iter
         world = nuisance_of_run(truth.nuisance, track, len(asked), band, rng)
         world = over_time(world, truth, order, np.random.default_rng([truth.seed, 5, order]))
         closed = experiment.kind == "p_control"
-        motion = run(values, world, asked, gain=GAIN if closed else 0.0)
+        motion = run(values, world, asked, controller=p_law(GAIN) if closed else None)
         yield Log(experiment, motion.u, motion.counts, motion.shown, asked if closed else None)
 
 

@@ -140,10 +140,7 @@ def run(
     disturbances: Disturbances,
     command: FloatArray,
     *,
-    gain: float = 0.0,
-    feedback: int = 2,
-    law: Law | None = None,
-    asked: Sampled | None = None,
+    controller: Law | Sampled | None = None,
     factor: float = 1.0,
     feedforward: FloatArray | None = None,
     steps: int = STEPS,
@@ -157,36 +154,22 @@ def run(
     disturbances
         Start and tables.
     command : ndarray, shape (n,)
-        u [V], or the reference xr [mm] if ``gain`` is positive, or a law or a black box is given.
-    gain
-        Kp [V/mm] of P-control; 0 is open loop.
-    feedback
-        The encoder it reads, 1 or 2.
-    law
-        A controller; it takes the place of P-control.
-    asked
-        A black box that is asked at every sample for its command [V], from the time [s], the reference and the two encoders [mm];
-        instead of a law.
+        u [V], or with a controller the reference xr [mm].
+    controller
+        A law, or a black box that is asked at every sample for its command [V], from the time [s], the reference and the two
+        encoders [mm]; ``None`` is open loop.
     factor
         On the controller's command, for trials of its gain margin.
     feedforward : ndarray, shape (n,), optional
         Command known beforehand, added to the controller's [V]; ``factor`` leaves it alone.
     steps
         Fine steps per sample.
-
-    Raises
-    ------
-    ValueError
-        If both a law and a black box are given.
     """
-    if asked is not None and (law is not None or gain > 0.0):
-        raise ValueError("asked: one controller runs the rig; got a law or a gain too. Leave one of them out.")
     n = len(command)
     u, counts, states, shown = np.zeros(n), np.zeros((2, n)), np.zeros((4, n)), np.zeros((2, n))
     s = disturbances
     start = np.array([s.place, s.place - s.deflection, s.phases[0], s.phases[1]])
-    if law is None and gain > 0.0:
-        law = p_law(gain, feedback)
+    law, asked = (controller, None) if controller is None or isinstance(controller, Law) else (None, controller)
     given = np.ascontiguousarray(command, dtype=np.float64)
     if law is not None:
         given = np.ascontiguousarray(law.shaped(given))

@@ -9,7 +9,7 @@ import pytest
 
 from baselines.rig_simulator.kernel import COUNT_MM, _stack
 from baselines.rig_simulator.recordings import trajectory
-from baselines.rig_simulator.rig import Disturbances, quiet, run, vector
+from baselines.rig_simulator.rig import Disturbances, p_law, quiet, run, vector
 from tests.each import each
 
 VALUES = {"m1": 7.6e-4, "m2": 3.4e-4, "b1": 9.5e-3, "b2": 3.2e-3, "k": 0.096, "d1": 0.36, "d2": 0.25}
@@ -54,7 +54,7 @@ def test_the_loop_is_the_handouts_p_control():
     from flexdrive_gym import Drive, PControl
 
     xr = trajectory(T)
-    ours = run(VALUES, quiet(len(T)), xr, gain=0.05)
+    ours = run(VALUES, quiet(len(T)), xr, controller=p_law(0.05))
     theirs = Drive(VALUES).simulate_closed_loop(T, xr, PControl(0.05, "x2"))
     assert rms(COUNT_MM * ours.counts[1] - theirs.x2) < 0.005 * rms(theirs.x2)
     assert np.allclose(ours.u, np.clip(0.05 * (xr - COUNT_MM * ours.counts[1]), -8, 8), atol=1e-12)
