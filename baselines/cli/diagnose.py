@@ -105,7 +105,6 @@ def write_diagnosis(
     jobs: int | None = None,
     alpha: float = 0.02,
     suggest: bool = False,
-    title: str = "Diagnosis of a flexible drive",
     remarks: Sequence[str] = (),
     tell: Callable[[str], None] = lambda _: None,
 ) -> tuple[Diagnosis, tuple[Suggestion, ...]]:
@@ -129,7 +128,7 @@ def write_diagnosis(
         tell("looking for experiments")
         suggestions = suggest_experiments(found)
     tell("drawing the page")
-    page = build_diagnosis(found, title=title, suggestions=suggestions, jobs=jobs)
+    page = build_diagnosis(found, suggestions=suggestions, jobs=jobs)
 
     def write(folder: Path) -> None:
         text = encoder.dumps(
