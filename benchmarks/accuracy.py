@@ -11,6 +11,29 @@ from tests.drive.reference import TwoMasses
 
 STEPS_MS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 PAGE = Path(__file__).parents[1] / "docs" / "accuracy.md"
+HEAD = """# Accuracy of the compiled step
+
+Largest error of v1 and v2 over 4 s, relative to peak velocity, by step size:
+
+"""
+TAIL = """
+
+The error falls with the fourth power of the step, through sticking and reversals too. A cart at rest below its friction
+level does not move at all: `tests/drive/test_step.py` checks that over 10 s.
+
+## How to
+
+`python -m benchmarks accuracy` writes this page.
+
+## Method
+
+- The rig is that of `tests/drive/drives.py`: m1 = 7.6e-4, m2 = 3.4e-4 V s²/mm, b1 = 0.0096, b2 = 0.0032 V s/mm,
+  d1 = 0.357, d2 = 0.241 V, k = 0.095 V/mm.
+- Expected values come from an event-driven integration that shares no code with the package: scipy's DOP853 at 1e-11
+  with one right-hand side per stick–slip mode (`tests/drive/reference.py`).
+- The command is held for 8 ms in every column, so that all step sizes integrate the same input.
+- The step locates the instants of sticking and reversal within itself (`flexdrive_gym/drive/step.py`).
+"""
 
 
 def excitations(t: np.ndarray) -> dict[str, np.ndarray]:
@@ -46,17 +69,4 @@ def main() -> None:
         lines.append(f"| {name} | " + " | ".join(f"{e:.1e}" for e in errors) + f" | {order:.1f} |")
     text = "\n".join(lines)
     print(text)
-    write_atomically(
-        PAGE,
-        "# Accuracy of the compiled step\n\n"
-        "Largest error of v1 and v2 over 4 s, relative to peak velocity, for the rig of `tests/drive/drives.py` "
-        "(m1 = 7.6e-4, m2 = 3.4e-4 V s²/mm, b1 = 0.0096, b2 = 0.0032 V s/mm, d1 = 0.357, d2 = 0.241 V, k = 0.095 V/mm).\n"
-        "Expected values come from an event-driven integration that shares no code with the package: scipy's DOP853 at "
-        "1e-11 with one right-hand side per stick–slip mode (`tests/drive/reference.py`). The command is held for 8 ms in "
-        "every column, so that all step sizes integrate the same input.\n\n"
-        f"{text}\n\n"
-        "The error falls with the fourth power of the step, through sticking and reversals too: the instants of both are "
-        "located inside the step (`flexdrive_gym/drive/step.py`). A cart at rest below its friction level does not move at "
-        "all; `tests/drive/test_step.py` holds that for 10 s.\n\n"
-        "Made by `python -m benchmarks accuracy`.\n",
-    )
+    write_atomically(PAGE, HEAD + text + TAIL)
