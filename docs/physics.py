@@ -10,7 +10,7 @@ PAGE = Path(__file__).with_name("physics.md")
 HEAD = """# The catalogue of physics
 
 Everything the drive can have besides its two masses. An effect whose *sizes* are at their null is exactly absent; its
-*shapes* (in italics, with the value they have where none is given) then mean nothing. `Drive({..., "stribeck.cart_1.extra":
+*shapes* (in italics, with their default) then have no influence. `Drive({..., "stribeck.cart_1.extra":
 0.05})`, `effects={"stribeck.cart_1.extra": 0.05}` of an environment and `drive.toml` take the same names:
 `id.place.parameter`, or `id.parameter` where there is one place. δ = x1 − x2; s is the direction of sliding. Derivations,
 worked checks and literature are in `flexdrive_gym/drive/effects/<id>.py`.
@@ -40,7 +40,7 @@ def _parameter(effect: Effect, i: int) -> str:
 
 def page() -> str:
     """Return the page as Markdown."""
-    rows = ["| id | where | equation | parameters | tells itself by | looks like |", "|---|---|---|---|---|---|"]
+    rows = ["| id | where | equation | parameters | recognised by | looks like |", "|---|---|---|---|---|---|"]
     for effect in sorted(EFFECTS, key=lambda e: (not e.base, e.id)):
         cells = (
             f"`{effect.id}`" + (" (base)" if effect.base else ""),

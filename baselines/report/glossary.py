@@ -1,10 +1,11 @@
-"""The terms of the pages, each explained once: on a page where it first stands, and all of them in docs/glossary.md."""
+"""The terms of the pages, each explained once: on a page where it first occurs, and all of them in docs/glossary.md."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
 from html import escape
+from textwrap import fill
 
 
 @dataclass(frozen=True)
@@ -51,8 +52,8 @@ TERMS = (
     Term(
         "effective samples",
         r"effective samples|independent ones",
-        "Residuals of successive samples resemble one another, so n of them tell as much as a smaller number "
-        "of independent ones. The intervals are computed with that.",
+        "The number of independent samples with as much information as n autocorrelated residuals. The intervals "
+        "are computed with it.",
     ),
     Term(
         "p-value",
@@ -163,8 +164,9 @@ def _linked(text: str, used: dict[str, Term]) -> str:
 
 def markdown() -> str:
     """Return docs/glossary.md."""
-    rows = "\n\n".join(f"**{t.name}**: {t.meaning}" for t in sorted(TERMS, key=lambda t: t.name.lower()))
+    terms = sorted(TERMS, key=lambda t: t.name.lower())
+    rows = "\n\n".join(fill(f"**{t.name}**: {t.meaning}", 138, break_on_hyphens=False) for t in terms)
     return (
-        "# Glossary\n\nThe terms that the pages of `flexdrive` link where they first stand. The physical effects are in "
+        "# Glossary\n\nThe terms that the pages of `flexdrive` link where they first occur. The physical effects are in "
         f"[physics.md](physics.md).\n\n{rows}\n\nWritten by `python docs/glossary.py`.\n"
     )

@@ -42,7 +42,7 @@ def _effects(config: Any, files: Any) -> list[Any]:
         ]
         like = ", ".join(f"[{i}]({i}.md)" if any(e.id == i for e in EFFECTS) else i for i in effect.looks_like)
         told = [
-            f"- Tells itself by: {effect.tells_itself_by}." if effect.tells_itself_by else "",
+            f"- Recognised by: {effect.tells_itself_by}." if effect.tells_itself_by else "",
             f"- Looks like: {like}." if like else "",
             f"- Experiment that tells them apart: {effect.separating_experiment}."
             if effect.separating_experiment
