@@ -1,4 +1,4 @@
-"""The files of a comparison: compare.html, teaching.html, and a page that sets several drives side by side."""
+"""The files of a comparison: compare.html, teaching.html, and a page that compares several drives."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def write_drives_page(found: Mapping[str, Comparison], folder: str | Path) -> Pa
     found
         Label of a drive to its comparison; the label is the folder of its own pages.
     """
-    beside = Section("Side by side", "beside")
+    beside = Section("Comparison", "beside")
     table = drives_table([(label, c.drive, c.results) for label, c in found.items()])
     beside.table(table.columns, table.rows)
     beside.text(LINEAR)

@@ -37,7 +37,7 @@ def build_diagnosis(
     title
         Heading of the page.
     suggestions
-        Experiments that would separate what cannot be told apart.
+        Experiments that would separate tied explanations.
     jobs
         Threads; default: the processors this process may use.
     """
@@ -165,7 +165,7 @@ def _findings(d: Diagnosis) -> Section:
             "explains",
             "p-value",
             f"{kept}, before → after [{d.unit}]",
-            *(("cannot be told from", "to tell them apart, record") if tied else ()),
+            *(("tied with", "to separate them, record") if tied else ()),
         ),
         rows,
     )
@@ -261,7 +261,7 @@ def _homogeneity(d: Diagnosis) -> Section:
 
 
 def _remains(d: Diagnosis, forces: Remaining) -> Section:
-    section = Section("What could not be told", "remains")
+    section = Section("What could not be decided", "remains")
     lines = [line for f in d.findings for line in words.tie_sentences(f)]
     if d.unnamed is not None:
         nearest = ", ".join(f"{words.effect_name(n)} (gains {s:.0%} of it)" for n, s in d.unnamed.nearest)

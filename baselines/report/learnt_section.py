@@ -1,4 +1,4 @@
-"""The part of the comparison's page about learnt policies: intervals, who beats whom, where they lose and why."""
+"""The part of the comparison's page about learnt policies: intervals, probabilities of improvement, where they lose and why."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def statistics_section(
 ) -> Section:
     """Return interquartile means with intervals of all groups, and the probability of improvement of the learnt ones."""
     units = comparison.drive.units
-    section = Section("How sure it is", "statistics", units=units)
+    section = Section("Statistics", "statistics", units=units)
     section.items(learnt_verdicts(comparison, summaries, improvements))
     summaries = in_rig_units(summaries, units)
     section.figure(
@@ -53,12 +53,12 @@ def statistics_section(
     section.text(
         "Interquartile mean, bootstrap intervals and probability of improvement as in Agarwal et al. (NeurIPS 2021). A trained "
         "agent meets all drives, so whole agents are resampled, and drives apart from them; five seeds are few, and their "
-        "intervals rather too narrow. 50 % is a draw."
+        "intervals rather too narrow. 50 % is no difference."
     )
     if any(s.name.endswith("+preview") for s in summaries):
         section.text(
             "Learnt policies see the reference ahead, which no design of the handout does. What is named +preview is the same "
-            "design told the reference ahead by a fixed lead, tuned along random moves: it knows what the policies know."
+            "design with a fixed preview of the reference, tuned along random moves."
         )
     return section
 

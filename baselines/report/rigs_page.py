@@ -1,4 +1,4 @@
-"""The page of ``flexdrive rigs``: what real rigs have by their documentation, and what the diagnosis said without being told."""
+"""The page of ``flexdrive rigs``: the documented physics of real rigs, and the diagnosis without it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def build_rigs_page(found: Row, *, command: str) -> str:
     sections = [_rigs(found["rigs"]), _effects(examined), _claims(examined), _parameters(examined), _controls(examined)]
     return render(
         title="Real rigs: documented physics, concealed from the diagnosis",
-        subtitle="Each rig's documented physics is left out of the base model, and nothing tells the diagnosis of it.",
+        subtitle="Each rig's documented physics is left out of the base model and not given to the diagnosis.",
         summary=sentences(found),
         sections=[s for s in sections if s.blocks],
         footer=f"Made by flexdrive {__version__}: {command}.",

@@ -75,7 +75,7 @@ def _answers(found: Lesson) -> Section:
 
 
 def _table(found: Lesson, units: Units) -> Section:
-    section = Section("Side by side", "table", units=units)
+    section = Section("Comparison", "table", units=units)
     rows: list[tuple[str, ...]] = [
         ("law", *(d.law for d in found.shown)),
         ("reads", *(d.reads for d in found.shown)),

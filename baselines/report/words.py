@@ -1,4 +1,4 @@
-"""A diagnosis in plain words: what the page and the command say alike."""
+"""A diagnosis in plain words, shared by the page and the command."""
 
 from __future__ import annotations
 
@@ -171,7 +171,7 @@ def tie_sentences(f: Finding) -> list[str]:
         return []
     text = f"These recordings cannot tell {at(f.id, f.where)} from {listed((at(t.id, t.where) for t in f.ties), 'or')}."
     if f.separating_experiment:
-        text += f" To tell them apart, record {f.separating_experiment}."
+        text += f" To separate them, record {f.separating_experiment}."
     return [text]
 
 

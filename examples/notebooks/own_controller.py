@@ -79,7 +79,7 @@ def _():
 @app.cell(hide_code=True)
 def _():
     mo.md(r"""
-    ## Side by side
+    ## Comparison
 
     `p_x2` and `lab4` are shipped designs, made anew for this drive. `draws=20` adds twenty drives drawn around it;
     `flexdrive compare` on the command line takes 500 and writes a page.
