@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,6 +13,8 @@ from baselines.cli._results import interrupted_says
 from baselines.cli.compare import Backend
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from baselines.blind_study.summary import Summary
 
 
@@ -48,43 +50,18 @@ def blind(
     was interrupted.
     """
     from baselines.blind_study.judge import judge  # noqa: PLC0415
-    from baselines.blind_study.one import opened  # noqa: PLC0415
     from baselines.blind_study.payoff import Payoff  # noqa: PLC0415
     from baselines.blind_study.payoff_summary import summary as payoff_rows  # noqa: PLC0415
     from baselines.blind_study.payoff_summary import tables  # noqa: PLC0415
-    from baselines.blind_study.plan import plan  # noqa: PLC0415
-    from baselines.blind_study.study import conduct_study, outcomes, pack, settings  # noqa: PLC0415
+    from baselines.blind_study.study import settings  # noqa: PLC0415
     from baselines.blind_study.summary import summarise  # noqa: PLC0415
     from baselines.report.trial_page import build_trial_page  # noqa: PLC0415
-    from flexdrive_gym.files import only_writer, write_atomically  # noqa: PLC0415
+    from flexdrive_gym.files import write_atomically  # noqa: PLC0415
 
     if report:
-        asked = settings(output)
-        trials, seed = asked["trials"], asked["seed"]
-        found = outcomes(output, plan(trials, seed))
-        if not found:
-            raise ValueError(f"output: the study in {output} has no outcome yet. Go on with it without --report.")
+        trials, seed, found = _finished(output)
     else:
-
-        def kept() -> str:
-            done = sum(opened(output, trial.number).exists() for trial in plan(trials, seed))
-            return (
-                f"{done} of {trials} trials are done and kept in {output}. The same command goes on from there; with --report it "
-                "shows what there is."
-            )
-
-        with interrupted_says(kept), only_writer(output), progress() as bar:
-            task = bar.add_task("trials", total=trials)
-            found = conduct_study(
-                output,
-                trials,
-                seed=seed,
-                backend=backend.value,
-                jobs=jobs,
-                scheduler=scheduler,
-                progress=lambda done, total: bar.update(task, completed=done, total=total),
-            )
-            pack(output, found)
+        found = _conducted(output, trials, seed, backend=backend.value, jobs=jobs, scheduler=scheduler)
     judged = [judge(outcome) for outcome in found]
     summary = summarise(judged)
     paid = payoff_rows([Payoff.from_json(outcome["payoff"]) for outcome in found if outcome["payoff"]])
@@ -106,6 +83,51 @@ def blind(
         if rows:
             table(title, columns, rows)
     say(f"wrote {page}")
+
+
+def _finished(output: Path) -> tuple[int, int, list[Mapping[str, Any]]]:
+    """Return number of trials, seed and outcomes of the study in a folder as far as it is.
+
+    Raises
+    ------
+    ValueError
+        If it has no outcome yet.
+    """
+    from baselines.blind_study.plan import plan  # noqa: PLC0415
+    from baselines.blind_study.study import outcomes, settings  # noqa: PLC0415
+
+    asked = settings(output)
+    found = outcomes(output, plan(asked["trials"], asked["seed"]))
+    if not found:
+        raise ValueError(f"output: the study in {output} has no outcome yet. Go on with it without --report.")
+    return asked["trials"], asked["seed"], found
+
+
+def _conducted(output: Path, trials: int, seed: int, **where: Any) -> list[Mapping[str, Any]]:
+    """Conduct a study, or what is left of it, with a progress bar; ``where`` says where trials are computed."""
+    from baselines.blind_study.one import opened  # noqa: PLC0415
+    from baselines.blind_study.plan import plan  # noqa: PLC0415
+    from baselines.blind_study.study import conduct_study, pack  # noqa: PLC0415
+    from flexdrive_gym.files import only_writer  # noqa: PLC0415
+
+    def kept() -> str:
+        done = sum(opened(output, trial.number).exists() for trial in plan(trials, seed))
+        return (
+            f"{done} of {trials} trials are done and kept in {output}. The same command goes on from there; with --report it "
+            "shows what there is."
+        )
+
+    with interrupted_says(kept), only_writer(output), progress() as bar:
+        task = bar.add_task("trials", total=trials)
+        found = conduct_study(
+            output,
+            trials,
+            seed=seed,
+            progress=lambda done, total: bar.update(task, completed=done, total=total),
+            **where,
+        )
+        pack(output, found)
+    return found
 
 
 def print_summary(summary: Summary) -> None:

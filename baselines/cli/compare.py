@@ -162,15 +162,7 @@ def compare(
         each = {label: f.as_json() for label, f in found.items()}
         print_json(each[next(iter(each))] if len(each) == 1 else {"drives": each, "pages": both})
         return
-    for f in found.values():
-        _print(f.result, f.summaries, f.improvements, everything=everything)
-        for remark in f.remarks:
-            say(f"note: {remark}")
-    if len(found) > 1:
-        from baselines.compare.tables import drives_table  # noqa: PLC0415
-
-        beside = drives_table([(label, f.result.drive, f.result.results) for label, f in found.items()])
-        table(beside.title, beside.columns, beside.rows)
+    _print(found, everything=everything)
     for page in [*(p for f in found.values() for p in f.pages), *both]:
         say(f"wrote {page}")
 
@@ -326,7 +318,20 @@ def _as_json(result: Comparison) -> dict[str, object]:
     }
 
 
-def _print(
+def _print(found: dict[str, Found], *, everything: bool) -> None:
+    """Print the comparison on every drive, and where there are several a table of all."""
+    from baselines.compare.tables import drives_table  # noqa: PLC0415
+
+    for f in found.values():
+        _print_one(f.result, f.summaries, f.improvements, everything=everything)
+        for remark in f.remarks:
+            say(f"note: {remark}")
+    if len(found) > 1:
+        every = drives_table([(label, f.result.drive, f.result.results) for label, f in found.items()])
+        table(every.title, every.columns, every.rows)
+
+
+def _print_one(
     result: Comparison, summaries: Sequence[Summary], improvements: Sequence[Improvement], *, everything: bool
 ) -> None:
     from baselines.compare import headline, learnt_verdicts, shortlist  # noqa: PLC0415

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
@@ -18,6 +18,8 @@ from baselines.cli._results import Force, interrupted_says, require_no_recording
 
 if TYPE_CHECKING:
     from baselines.rig import Limits, Rig, RigBench
+    from flexdrive_gym import Recording
+    from flexdrive_gym.units import Units
 
 # a rig's gain is searched as finely as its runs repeat
 _RIG_PRECISION = 1e-2
@@ -123,12 +125,11 @@ def experiment(
     from baselines.rig import RigBench, open_rig  # noqa: PLC0415
     from flexdrive_gym import load_drive  # noqa: PLC0415
     from flexdrive_gym.files import only_writer  # noqa: PLC0415
-    from identification import write_recording, write_rig  # noqa: PLC0415
+    from identification import write_rig  # noqa: PLC0415
 
     guess = None if drive is None else on_lab_scale(load_drive(drive))
     require_no_recordings(output, force=force)
     parts = tuple(p.value for p in part or Part)
-    written: list[dict[str, Any]] = []
     with (
         only_writer(output),
         _connected(open_rig(rig, guess)) as real,
@@ -144,7 +145,7 @@ def experiment(
         bench = RigBench(real, limits, tell=lambda sentence: None if json else print(sentence, file=sys.stderr))
         if not json and not simulated:
             say(_told(real, bench.limits))
-        for run in lab_session(
+        runs = lab_session(
             bench,
             squares=squares,
             sine_amplitude=SINE_V if sine is None else units.to_engine(sine, "V"),
@@ -152,13 +153,25 @@ def experiment(
             parts=parts,
             near=None if simulated or guess is None else limit_in_the_lab(guess),
             precision=PRECISION if simulated else _RIG_PRECISION,
-        ):
-            path = output / f"{run.name}{'.csv.gz' if compress else '.csv'}"
-            write_recording(run, path)
-            written.append({"file": path, "experiment": run.excitation.text(units), "notes": run.notes})
-            bar.advance(task)
+        )
+        written = _recorded(runs, output, units, compress=compress, told=lambda: bar.advance(task))
         described = None if units.lab else write_rig(units, bench.carts, output / "rig.toml", real.description.name)
     _print_results(output, rig, bench, written, described, json=json)
+
+
+def _recorded(
+    runs: Iterable[Recording], output: Path, units: Units, *, compress: bool, told: Callable[[], None]
+) -> list[dict[str, Any]]:
+    """Write every run as soon as it is made; return file, experiment and notes of each."""
+    from identification import write_recording  # noqa: PLC0415
+
+    written = []
+    for run in runs:
+        path = output / f"{run.name}{'.csv.gz' if compress else '.csv'}"
+        write_recording(run, path)
+        written.append({"file": path, "experiment": run.excitation.text(units), "notes": run.notes})
+        told()
+    return written
 
 
 @contextmanager

@@ -41,53 +41,72 @@ def stability(
     from baselines.lab.experiments import STABLE_GAIN  # noqa: PLC0415
     from baselines.lab.lab_scale import on_lab_scale  # noqa: PLC0415
     from baselines.lab.stability_study import study_stability  # noqa: PLC0415
-    from baselines.loop_analysis.stability_limit import LARGEST_GAIN  # noqa: PLC0415
     from flexdrive_gym import load_drive  # noqa: PLC0415
-    from flexdrive_gym.units import in_rig_units  # noqa: PLC0415
 
     rig = on_lab_scale(load_drive(drive))
-    units, one = rig.units, rig.units.one("V/mm")
-    at = STABLE_GAIN if gain is None else gain * one
+    at = STABLE_GAIN if gain is None else gain * rig.units.one("V/mm")
     study = study_stability(rig, at, draws)
-    of_rig = in_rig_units(study.limits, units)
-    written = []
-    if output is not None:
-        from baselines.report.stability_page import build_stability_page  # noqa: PLC0415
-        from flexdrive_gym.files import write_atomically  # noqa: PLC0415
-        from identification import write_recording, write_rig  # noqa: PLC0415
-
-        for folder, runs in (("with_friction", study.runs), ("without_friction", study.runs_without_friction)):
-            for run in runs.values():
-                path = output / folder / f"{run.name}.csv"
-                write_recording(run, path)
-                written.append(path)
-            if not units.lab:
-                written.append(write_rig(units, rig.carts, output / folder / "rig.toml", rig.name))
-        written.append(write_atomically(output / "stability.html", build_stability_page(study).encode()))
+    written = [] if output is None else _write(study, output)
     if json:
-        limits = {k: {**asdict(v), "unit": units.name("V/mm"), **_uncertainty(study, k)} for k, v in of_rig.items()}
-        if "x2" in limits:
-            limits["x2"] |= {
-                "critical_gain_student": _over(study.student, one),
-                "critical_gain_student_ci95": study.predicted["critical_gain_x2_trajectory"].of_rig(units).ci95,
-                "critical_gain_student_without_friction": _over(study.student_without_friction, one),
-            }
-        print_json({
-            **limits,
-            "explanation": " ".join(study.explanation),
-            "predictions": [asdict(p.of_rig(units)) for p in study.predicted.values()],
-            "amplitude": [
-                {**_amplitude(s.amplitude, units), "critical_gain": s.factor / one, "omega": s.omega / units.one("Hz")}
-                for s in study.curve
-            ],
-            "amplitude_simulated": [
-                {**_amplitude(s.amplitude, units), "critical_gain": kp / one} for s, kp in study.tried
-            ],
-            "written": written,
-        })  # fmt: skip
+        print_json({**_as_json(study), "written": written})
         return
+    _print(study, at)
+    for path in written:
+        say(f"wrote {path}")
+
+
+def _write(study: StabilityStudy, output: Path) -> list[Path]:
+    """Write the page and the recordings of 2.1-2.4; return their paths."""
+    from baselines.report.stability_page import build_stability_page  # noqa: PLC0415
+    from flexdrive_gym.files import write_atomically  # noqa: PLC0415
+    from identification import write_recording, write_rig  # noqa: PLC0415
+
+    rig, written = study.drive, []
+    for folder, runs in (("with_friction", study.runs), ("without_friction", study.runs_without_friction)):
+        for run in runs.values():
+            path = output / folder / f"{run.name}.csv"
+            write_recording(run, path)
+            written.append(path)
+        if not rig.units.lab:
+            written.append(write_rig(rig.units, rig.carts, output / folder / "rig.toml", rig.name))
+    return [*written, write_atomically(output / "stability.html", build_stability_page(study).encode())]
+
+
+def _as_json(study: StabilityStudy) -> dict[str, object]:
+    """Return the study in the rig's units as one object."""
+    from flexdrive_gym.units import in_rig_units  # noqa: PLC0415
+
+    units, one = study.drive.units, study.drive.units.one("V/mm")
+    limits = {
+        k: {**asdict(v), "unit": units.name("V/mm"), **_uncertainty(study, k)}
+        for k, v in in_rig_units(study.limits, units).items()
+    }
+    if "x2" in limits:
+        limits["x2"] |= {
+            "critical_gain_student": _over(study.student, one),
+            "critical_gain_student_ci95": study.predicted["critical_gain_x2_trajectory"].of_rig(units).ci95,
+            "critical_gain_student_without_friction": _over(study.student_without_friction, one),
+        }
+    return {
+        **limits,
+        "explanation": " ".join(study.explanation),
+        "predictions": [asdict(p.of_rig(units)) for p in study.predicted.values()],
+        "amplitude": [
+            {**_amplitude(s.amplitude, units), "critical_gain": s.factor / one, "omega": s.omega / units.one("Hz")}
+            for s in study.curve
+        ],
+        "amplitude_simulated": [{**_amplitude(s.amplitude, units), "critical_gain": kp / one} for s, kp in study.tried],
+    }
+
+
+def _print(study: StabilityStudy, at: float) -> None:
+    """Print the limits with phase margins ``at`` a gain [V/mm], their uncertainty, amplitudes and what explains them."""
+    from baselines.loop_analysis.stability_limit import LARGEST_GAIN  # noqa: PLC0415
+    from flexdrive_gym.units import in_rig_units  # noqa: PLC0415
+
+    units, one = study.drive.units, study.drive.units.one("V/mm")
     table(
-        f"critical gain of P-control of “{rig.name}”",
+        f"critical gain of P-control of “{study.drive.name}”",
         [
             "feedback",
             units.name("Routh, linear [V/mm]"),
@@ -105,7 +124,7 @@ def stability(
                 number(v.vibration),
                 number(v.phase_margin_deg, 4),
             ]
-            for name, v in of_rig.items()
+            for name, v in in_rig_units(study.limits, units).items()
         ],
     )
     say(f"– : no limit below {units.text(LARGEST_GAIN, 'V/mm')}")
@@ -121,8 +140,6 @@ def stability(
         )
     for sentence in study.explanation:
         say(sentence)
-    for path in written:
-        say(f"wrote {path}")
 
 
 def _over(value: float | None, one: float) -> float | None:

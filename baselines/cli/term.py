@@ -84,12 +84,11 @@ def term(
     A broken hand-in is a row with its reason. What is done is kept in the folder; the same command goes on where it was
     interrupted, and examines only what is new.
     """
-    from baselines.report.term_page import build_term_page  # noqa: PLC0415
     from baselines.term.examine import Settings  # noqa: PLC0415
     from baselines.term.groups import find_groups  # noqa: PLC0415
     from baselines.term.study import examine_all, kept_in  # noqa: PLC0415
     from baselines.term.summary import summarise  # noqa: PLC0415
-    from flexdrive_gym.files import only_writer, write_atomically  # noqa: PLC0415
+    from flexdrive_gym.files import only_writer  # noqa: PLC0415
 
     groups, notes = find_groups(folders, terms)
     described = "" if rig is None else rig.read_text(encoding="utf-8")
@@ -108,24 +107,34 @@ def term(
         rows = examine_all(groups, output, settings, backend=backend.value, jobs=jobs, scheduler=scheduler, told=told)
         bar.update(task, description="comparing")
         found = summarise(groups, rows, notes)
-        title = " and ".join(t.replace("_", " ") for t in found.terms if t) or folders[0].resolve().name.replace(
-            "_", " "
-        )
-        page = write_atomically(output / "term.html", build_term_page(found, title=f"{title}: a term at a glance"))
-        content = found.as_json()
-        write_atomically(output / "term.json", encoder.dumps(content, ensure_ascii=False, indent=1) + "\n")
-        drives = _write_drives(found, output)
+        page = _write(found, folders[0].resolve().name, output)
     planned = _plan(found, plan, recordings) if plan is not None else None
     if json:
-        print_json({**content, **({} if planned is None else {"plan": planned}), "page": page})
+        print_json({**found.as_json(), **({} if planned is None else {"plan": planned}), "page": page})
         return
     print_term(found)
     if planned is not None:
         print_plan(planned)
-    say(f"wrote {page}, {output / 'term.json'} and {drives} drives in {output / 'drives'}")
+    say(f"wrote {page}, {output / 'term.json'} and {len(found.usable)} drives in {output / 'drives'}")
 
 
-def _write_drives(found: Term, output: Path) -> int:
+def _write(found: Term, folder: str, output: Path) -> Path:
+    """Write page, figures, and every group's drive and diagnosis; return the page's path.
+
+    The page is named after the terms, or after the ``folder`` of the groups where they have no names.
+    """
+    from baselines.report.term_page import build_term_page  # noqa: PLC0415
+    from flexdrive_gym.files import write_atomically  # noqa: PLC0415
+
+    title = (" and ".join(t for t in found.terms if t) or folder).replace("_", " ")
+    page = write_atomically(output / "term.html", build_term_page(found, title=f"{title}: a term at a glance"))
+    content = encoder.dumps(found.as_json(), ensure_ascii=False, indent=1)
+    write_atomically(output / "term.json", content + "\n")
+    _write_drives(found, output)
+    return page
+
+
+def _write_drives(found: Term, output: Path) -> None:
     """Write every group's drive, the diagnosed one where there is one, for the other commands, and its diagnosis."""
     from flexdrive_gym.files import write_atomically  # noqa: PLC0415
 
@@ -135,7 +144,6 @@ def _write_drives(found: Term, output: Path) -> int:
         if "diagnosis" in row:
             told = encoder.dumps({**row["diagnosis"], "drive": f"../drives/{name}.toml"}, ensure_ascii=False, indent=1)
             write_atomically(output / "diagnoses" / f"{name}.json", told + "\n")
-    return len(found.usable)
 
 
 def _plan(found: Term, groups: int, recordings: int) -> dict[str, object]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -22,6 +22,17 @@ if TYPE_CHECKING:
 # a rollout of these many with 64 observations each is some GB
 MOST_DRIVES = 16_384
 _NAME = "agent"
+
+
+@dataclass(frozen=True)
+class _Training:
+    """A training: on which drive, how, under which name, and which agent it repeats."""
+
+    rig: Drive
+    plan: Plan
+    name: str
+    checkpoint_every: int
+    original: Agent | None
 
 
 class Feedback(StrEnum):
@@ -78,48 +89,29 @@ def train(
     except ImportError as error:
         raise ValueError(f"train: {error.name} is not installed. pip install 'flexdrive[rl]'.") from error
     from baselines.lab.lab_scale import on_lab_scale  # noqa: PLC0415
-    from baselines.rl.agents import find_agent  # noqa: PLC0415
-    from flexdrive_gym import DEFAULT_DRIVE, load_drive  # noqa: PLC0415
+    from flexdrive_gym import load_drive  # noqa: PLC0415
     from flexdrive_gym.files import only_writer  # noqa: PLC0415
 
     if reproduce is not None and drive is not None:
         raise ValueError(f"drive: {reproduce} is retrained on the drive of its card; got {drive} too. Leave DRIVE out.")
-    asked = training.Plan(feedback.value, seed, steps, envs, history, threads)
+    own = None if drive is None else on_lab_scale(load_drive(drive))
+    plan = training.Plan(feedback.value, seed, steps, envs, history, threads)
     if resume:
-        rest = training.under_way(output)
         given = {name for name in ctx.params if getattr(ctx.get_parameter_source(name), "name", "") == "COMMANDLINE"}
-        plan = _resumed(rest, asked, given, reproduce)
-        rig = rest.drive if drive is None else on_lab_scale(load_drive(drive))
-        name = rest.name
-        every = checkpoint_every if "checkpoint_every" in given else rest.checkpoint_every
-        original = None if name == _NAME else find_agent(name)
+        course = _resumed(training.under_way(output), own, plan, given, reproduce)
+        if "checkpoint_every" in given:
+            course = replace(course, checkpoint_every=checkpoint_every)
     else:
         require_unfinished(output, training.AGENT, force=force)
-        original = None if reproduce is None else find_agent(reproduce)
-        name, every = reproduce or _NAME, checkpoint_every
-        rig, plan = (
-            (DEFAULT_DRIVE if drive is None else on_lab_scale(load_drive(drive)), asked)
-            if original is None
-            else _asked(original)
-        )
+        course = _begun(own, plan, reproduce, checkpoint_every)
     with interrupted_says(lambda: _kept(output)), only_writer(output):
-        trained = _watched(rig, plan, output, name, every, resume=resume)
-    card, files = trained.agent.card, [output / name for name in (training.AGENT, training.CARD, training.CURVE)]
-    same = None if original is None else compared(original, trained.agent)
+        trained = _watched(course, output, resume=resume)
+    files = [output / name for name in (training.AGENT, training.CARD, training.CURVE)]
+    same = None if course.original is None else compared(course.original, trained.agent)
     if json:
-        print_json({"card": card, "curve": trained.curve, "files": files, "reproduced": same})
+        print_json({"card": trained.agent.card, "curve": trained.curve, "files": files, "reproduced": same})
         return
-    units = rig.units
-    rms, handout, peak = (
-        card["score"][training.score_key(units, key)]
-        for key in ("rms_mm_unseen_references", "rms_mm_handout", "peak_mm_handout")
-    )
-    table(
-        f"agent from {plan.feedback} on {rig.name}",
-        [*map(units.label, ("steps", "time [s]", "rms e, unseen references [mm]", "rms e, handout [mm]",
-                            "peak e, handout [mm]"))],
-        [[f"{card['steps']:,}", number(card["seconds"], 3), number(rms, 3), number(handout, 3), number(peak, 3)]],
-    )  # fmt: skip
+    _print(course, trained)
     if same is not None:
         say(sentence(same))
     log = output / training.LOG
@@ -132,6 +124,24 @@ def train(
         say(f"wrote {path}")
 
 
+def _print(course: _Training, trained: Trained) -> None:
+    """Print the scores of an agent."""
+    from baselines.rl.training import score_key  # noqa: PLC0415
+
+    rig, card = course.rig, trained.agent.card
+    units = rig.units
+    rms, handout, peak = (
+        card["score"][score_key(units, key)]
+        for key in ("rms_mm_unseen_references", "rms_mm_handout", "peak_mm_handout")
+    )
+    table(
+        f"agent from {course.plan.feedback} on {rig.name}",
+        [*map(units.label, ("steps", "time [s]", "rms e, unseen references [mm]", "rms e, handout [mm]",
+                            "peak e, handout [mm]"))],
+        [[f"{card['steps']:,}", number(card["seconds"], 3), number(rms, 3), number(handout, 3), number(peak, 3)]],
+    )  # fmt: skip
+
+
 def _kept(output: Path) -> str:
     """Say after Ctrl-C what there is to go on from."""
     from baselines.rl.training import CHECKPOINT  # noqa: PLC0415
@@ -141,8 +151,10 @@ def _kept(output: Path) -> str:
     return "nothing had been learnt yet. The same command begins again."
 
 
-def _resumed(rest: UnderWay, asked: Plan, given: set[str], reproduce: str | None) -> Plan:
-    """Return the checkpoint's plan, with more steps if that is asked for; refuse by name whatever else is asked differently."""
+def _resumed(rest: UnderWay, own: Drive | None, asked: Plan, given: set[str], reproduce: str | None) -> _Training:
+    """Return the checkpoint's training, with more steps if that is asked for; refuse by name what else is asked differently."""
+    from baselines.rl.agents import find_agent  # noqa: PLC0415
+
     then, now = asdict(rest.plan), asdict(asked)
     if reproduce is not None and reproduce != rest.name:
         raise ValueError(f"resume: the checkpoint is of {rest.name!r}; got --reproduce {reproduce}. Leave it out.")
@@ -152,30 +164,39 @@ def _resumed(rest: UnderWay, asked: Plan, given: set[str], reproduce: str | None
                 f"resume: goes on with the options of the checkpoint; it had --{option} {then[option]}, and got --{option} "
                 f"{now[option]}. Leave it out, or train in another folder."
             )
-    return replace(rest.plan, steps=asked.steps) if "steps" in given else rest.plan
+    plan = replace(rest.plan, steps=asked.steps) if "steps" in given else rest.plan
+    original = None if rest.name == _NAME else find_agent(rest.name)
+    return _Training(rest.drive if own is None else own, plan, rest.name, rest.checkpoint_every, original)
 
 
-def _asked(original: Agent) -> tuple[Drive, Plan]:
-    """Return drive and plan of an agent's card."""
+def _begun(own: Drive | None, asked: Plan, reproduce: str | None, checkpoint_every: int) -> _Training:
+    """Return a training from its beginning; that of a ready-trained agent has drive and plan of its card."""
+    from baselines.rl.agents import find_agent  # noqa: PLC0415
     from baselines.rl.training import Plan  # noqa: PLC0415
     from flexdrive_gym import DEFAULT_DRIVE  # noqa: PLC0415
 
+    if reproduce is None:
+        return _Training(DEFAULT_DRIVE if own is None else own, asked, _NAME, checkpoint_every, None)
+    original = find_agent(reproduce)
     if dict(original.card["drive_parameters"]) != dict(DEFAULT_DRIVE.values):
         raise ValueError(f"reproduce: {original.name} was trained on another drive, {original.card['drive']!r}.")
-    return DEFAULT_DRIVE, Plan(**original.card["plan"])
+    return _Training(DEFAULT_DRIVE, Plan(**original.card["plan"]), reproduce, checkpoint_every, original)
 
 
-def _watched(rig: Drive, plan: Plan, output: Path, name: str, every: int, *, resume: bool) -> Trained:
+def _watched(course: _Training, output: Path, *, resume: bool) -> Trained:
     """Train with a progress bar."""
     from baselines.rl.training import train as run  # noqa: PLC0415
 
     with progress() as bar:
-        task = bar.add_task("training", total=plan.steps)
+        task = bar.add_task("training", total=course.plan.steps)
 
         def tell(done: int, error: float) -> None:
-            bar.update(task, completed=done, description=f"training, rms e {error:.3g} {rig.units.length}")
+            bar.update(task, completed=done, description=f"training, rms e {error:.3g} {course.rig.units.length}")
 
-        return run(rig, plan, output, name=name, checkpoint_every=every, resume=resume, tell=tell)
+        return run(
+            course.rig, course.plan, output,
+            name=course.name, checkpoint_every=course.checkpoint_every, resume=resume, tell=tell,
+        )  # fmt: skip
 
 
 def compared(original: Agent, again: Agent) -> dict[str, object]:

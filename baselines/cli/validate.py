@@ -12,6 +12,7 @@ from baselines.cli._reading import Only, RigFile, Skip, Strict, read, skipped_js
 
 if TYPE_CHECKING:
     from flexdrive_gym import Drive
+    from flexdrive_gym.units import Units
     from identification import Validation
     from identification.frequency_response import FrequencyTable
 
@@ -31,7 +32,6 @@ def validate(
 ) -> None:
     """Compare a drive with recordings (3.3, 3.4): fit per recording against the floor, frequency response, overlays."""
     from flexdrive_gym import load_drive  # noqa: PLC0415
-    from flexdrive_gym.units import in_rig_units  # noqa: PLC0415
     from identification import validate as run  # noqa: PLC0415
     from identification.frequency_response import measure_frequency_response  # noqa: PLC0415
 
@@ -45,27 +45,37 @@ def validate(
     sines = [r for r in runs if r.excitation.kind == "sine"]
     response = measure_frequency_response(sines) if sines else None
     files = [] if output is None else _write_figures(output, model, result, response)
-    units, fits = model.units, [f.of_rig(model.units) for f in result.fits()]
-    speed = units.one("mm/s")
     if json:
-        print_json(
-            {
-                "rms": result.rms / speed,
-                "floor": result.floor / speed,
-                "unit": units.name("mm/s"),
-                **({"rms_mm_s": result.rms, "floor_mm_s": result.floor} if units.lab else {}),
-                "per_recording": fits,
-                "notes": result.notes,
-                "frequency_response": None if response is None else in_rig_units(response.rows, units),
-                "files": files,
-                "skipped": skipped_json(runs),
-            }
-        )
+        print_json({**_as_json(result, response, model.units), "files": files, "skipped": skipped_json(runs)})
         return
-    from baselines.report.words import by_number  # noqa: PLC0415
-
     for line in skipped_lines(runs):
         say(line)
+    _print(model, result, response)
+    if files:
+        say(f"wrote {len(files)} figures to {output}")
+
+
+def _as_json(result: Validation, response: FrequencyTable | None, units: Units) -> dict[str, object]:
+    """Return the fits and the frequency response in the rig's units."""
+    from flexdrive_gym.units import in_rig_units  # noqa: PLC0415
+
+    speed = units.one("mm/s")
+    return {
+        "rms": result.rms / speed,
+        "floor": result.floor / speed,
+        "unit": units.name("mm/s"),
+        **({"rms_mm_s": result.rms, "floor_mm_s": result.floor} if units.lab else {}),
+        "per_recording": [f.of_rig(units) for f in result.fits()],
+        "notes": result.notes,
+        "frequency_response": None if response is None else in_rig_units(response.rows, units),
+    }
+
+
+def _print(model: Drive, result: Validation, response: FrequencyTable | None) -> None:
+    """Print the fits by recording and channel, the notes, and the frequency response."""
+    from baselines.report.words import by_number  # noqa: PLC0415
+
+    fits = [f.of_rig(model.units) for f in result.fits()]
     table(
         f"{model.name} against {len(result.overlays)} recording{'' if len(result.overlays) == 1 else 's'}",
         ["recording", "channel", "rms", "floor", "unit", "NRMSE fit", "VAF", "how"],
@@ -89,8 +99,6 @@ def validate(
     if response is not None:
         columns, rows = response.as_table()
         table("frequency response (3.4)", columns, rows)
-    if files:
-        say(f"wrote {len(files)} figures to {output}")
 
 
 def _percent(value: float) -> str:
