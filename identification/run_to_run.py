@@ -3,8 +3,8 @@ r"""What differs between runs of the same rig, and how far its recordings reach:
 Dry friction is not the same in every run. With the drive held, every run gets factors :math:`e^{z_g}` on its own d1 and d2 that
 fit it best, and what they are worth: a robust information :math:`A_g = H_g S_g^{-1} H_g` of :math:`z_g` with
 :math:`H_g = J_g^T J_g` and :math:`S_g` the sum of outer products of the scores of the parts of that run, for neighbouring
-residuals are correlated. The factors scatter by the covariance D of runs and by their errors; D is estimated as that of random effects
-by expectation-maximisation,
+residuals are correlated. The factors scatter by the covariance D of runs and by their errors; D is estimated as that of random
+effects by expectation-maximisation,
 
 .. math:: V_g = (A_g + D^{-1})^{-1}, \quad m_g = V_g A_g z_g, \quad D = \tfrac1G \sum_g \text{diag}(m_g m_g^T + V_g),
 
