@@ -209,13 +209,14 @@ def fit(
     """
     settings = bench.settings
     c = Coordinates(names, start, bench.bounds)
-    z, damping = c.of(start), 1e-3
+    z, damping, worked = c.of(start), 1e-3, 1e-3
     now = c.to(z, start)
     raw = bench.residual(now)
     white = metric.white(raw)
     cost, fresh = float(white @ white), near is None or near.values == start
-    S = _jacobian(bench, c, z, now, raw, near)
-    W = metric.white(S)
+    made = _jacobian(bench, c, z, now, raw, near)
+    S: FloatArray | None = made
+    W = metric.white(made)
     for _ in range(settings.iterations if iterations is None else iterations):
         H, g, before = W.T @ W, W.T @ white, cost
         for _attempt in range(6 if fresh else 2):
@@ -228,19 +229,21 @@ def fit(
                 if square < cost:
                     dz = new - z
                     along = dz / max(float(dz @ dz), 1e-300)
-                    S = S + np.outer(moved - raw - S @ dz, along)
-                    # whitening is linear
-                    W = W + np.outer(moved_white - white - W @ dz, along)
+                    # whitening is linear; raw derivatives are asked for only where a fit ends, one step from where they were made
+                    W += np.outer(moved_white - white - W @ dz, along)
+                    S = S + np.outer(moved - raw - S @ dz, along) if fresh and S is not None else None
                     z, now, raw, white, cost = new, trial, moved, moved_white, square
-                    damping = max(0.2 * damping, 1e-7)
+                    worked = damping = max(0.2 * damping, 1e-7)
                     break
             damping = 8.0 * max(damping, 1e-3)
         stalled = before - cost < settings.tolerance * cost
         if stalled and (fresh or iterations is not None):
             break
         if stalled or before - cost > 0.5 * before:
-            S, damping = _jacobian(bench, c, z, now, raw), min(damping, 1e-2)
-            W = metric.white(S)
+            # derivatives that were carried too far say nothing of the damping that those of this place need
+            made = _jacobian(bench, c, z, now, raw)
+            S, damping = made, min(worked, 1e-2)
+            W = metric.white(made)
         fresh = stalled
     return Fit(now, c.names, cost, raw, c, bench, metric, S if fresh else None)
 

@@ -22,6 +22,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from scipy.optimize import minimize
 
@@ -30,6 +31,7 @@ from identification.mismatch.bench import Bench, Values
 from identification.mismatch.nuisance import Direction, dry_level
 from identification.mismatch.whiten import Filter, transitions
 
+SingleArray = NDArray[np.float32]
 Across = Callable[[Callable[[int], FloatArray], Iterable[int]], Iterable[FloatArray]]
 # intensity of white forces [s^½], standard deviation of slow ones [1], relative to dry friction, and their time [s],
 # where a search begins; it ends anywhere within a factor of fifty, for which the prior below asks no more than a few units of
@@ -94,6 +96,15 @@ class Forces:
         t = np.clip(TIME_S * np.exp(np.clip(theta[4], -50.0, 50.0)), *_TIMES_S)
         return cls((float(w[0]), float(w[1])), (float(s[0]), float(s[1])), float(t))
 
+    def theta(self, level: float) -> FloatArray:
+        """Return the logarithms relative to the start of a search."""
+        relative = [
+            *np.array(self.white) / (WHITE * level),
+            *np.array(self.slow) / (SLOW * level),
+            self.time_s / TIME_S,
+        ]
+        return np.log(np.maximum(relative, 1e-12))
+
 
 @dataclass(frozen=True, eq=False)
 class Noise:
@@ -111,7 +122,7 @@ class Noise:
         Scale of every recording's forces.
     scale
         Group of run-to-run variability to its standard deviation over the prior one.
-    modes : list of ndarray, shape (rows of a recording, m)
+    modes : list of ndarray of float32, shape (rows of a recording, m)
         Directions that are damped, per recording; empty without variability.
     weights : ndarray, shape (N,), or None
         Of rows whitened by the filter: below 1 where noise acts on friction and scatters them more widely than the
@@ -125,7 +136,7 @@ class Noise:
     forces: Forces
     own: FloatArray
     scale: Mapping[str, float] = field(default_factory=dict)
-    modes: Sequence[FloatArray] = ()
+    modes: Sequence[SingleArray] = ()
     weights: FloatArray | None = None
     cost: float = 0.0
     _made: dict[int, Filter] = field(default_factory=dict, init=False, repr=False)
@@ -191,7 +202,8 @@ class Noise:
         y = self._filtered(r, x)
         if self.modes:
             U = self.modes[r]
-            y -= U @ (U.T @ y)
+            # what is taken off needs no more than single precision, which is half the memory to go through
+            y -= U @ (U.T @ y.astype(np.float32))
         return y
 
 
@@ -212,7 +224,9 @@ def with_usual_forces(noise: Noise) -> Noise | None:
     return replace(noise, forces=replace(forces, slow=slow))
 
 
-def estimate(bench: Bench, values: Values, residual: FloatArray, found: Sequence[Direction]) -> Noise:
+def estimate(
+    bench: Bench, values: Values, residual: FloatArray, found: Sequence[Direction], near: Noise | None = None
+) -> Noise:
     """Return the noise that a residual shows.
 
     Parameters
@@ -223,38 +237,34 @@ def estimate(bench: Bench, values: Values, residual: FloatArray, found: Sequence
         Raw rows of a generous model: one that lacks nothing that could be named.
     found
         Run-to-run variability around it.
+    near
+        Noise of a residual like this one, from which the search begins.
 
     Raises
     ------
     ValueError
         If no likelihood can be computed: whatever followed from that would be meaningless.
     """
-    level, rest = _level(bench, values), residual
-    scale = {d.group: 1.0 for d in found}
-    theta, own = np.zeros(5), np.ones(len(bench.runs))
+    level = _level(bench, values)
     noise = first_noise(bench, values)
-    for turn in range(2 if found else 1):
-        theta, cost = _most_likely(bench, values, level, rest, own, theta, _RADIUS[turn])
-        if not np.isfinite(cost):
-            drive = ", ".join(f"{n} = {v:.3g}" for n, v in values.items())
-            raise ValueError(
-                f"recordings: their likelihood must be a number; got {cost:g} around a drive with {drive}. See what "
-                "their units are taken for: flexdrive check."
-            )
-        own = _own(bench, Noise(bench, dict(values), Forces.of(theta, *level), np.ones(len(own))), rest)
-        noise = Noise(bench, dict(values), Forces.of(theta, *level), own, scale, cost=cost)
-        if not found:
-            break
-        D = np.column_stack([d.change * d.size for d in found])
+    if near is not None:
+        # intensities in multiples of another drive's dry friction are another drive's
+        noise = replace(noise, forces=near.forces, own=near.own, scale=near.scale)
+    if not found:
+        return _likeliest(bench, noise, residual, level, _RADIUS[0])
+    D = np.column_stack([d.change * d.size for d in found])
+    scale = {d.group: noise.scale.get(d.group, 1.0) for d in found}
+    rest = residual
+    for radius in _RADIUS:
+        if near is None or rest is not residual:
+            noise = _likeliest(bench, noise, rest, level, radius)
         white = noise.innovations(np.column_stack([D, residual]), bench.pool.map)
         for _ in range(_MAXIMISATIONS):
             amplitude, variance = _amplitudes(bench, white, found, scale)
             scale = _scales(amplitude, variance, found)
-        if turn == 0:
-            rest = residual - np.concatenate([D[rows] @ a for rows, a in zip(bench.rows, amplitude, strict=True)])
-        else:
-            noise = replace(noise, scale=scale, modes=_modes(bench, white[:, :-1], found, scale))
-    return noise
+        # what differs from run to run is no force that nobody knows
+        rest = residual - np.concatenate([D[rows] @ a for rows, a in zip(bench.rows, amplitude, strict=True)])
+    return replace(noise, scale=scale, modes=_modes(bench, white[:, :-1], found, scale))
 
 
 def scattered(noise: Noise, rows: FloatArray, left: FloatArray, found: Sequence[Direction]) -> Noise:
@@ -295,29 +305,40 @@ def _level(bench: Bench, values: Values) -> tuple[float, float]:
     return max(float(np.mean([dry_level(values, c) for c in range(bench.carts)])), _LEAST_LEVEL * command), command
 
 
-def _most_likely(
-    bench: Bench,
-    values: Values,
-    level: tuple[float, float],
-    rest: FloatArray,
-    own: FloatArray,
-    start: FloatArray,
-    radius: float,
-) -> tuple[FloatArray, float]:
-    """Return the logarithms of the most likely forces' parameters, and their cost.
+def _likeliest(bench: Bench, near: Noise, rest: FloatArray, level: tuple[float, float], radius: float) -> Noise:
+    """Return the noise with the most likely unknown forces.
 
     By quadratic models in a trust region (T. M. Ragonneau, Z. Zhang, COBYQA, 2023): a simplex ends far from the optimum where
     a base model lacks much.
+
+    Parameters
+    ----------
+    rest : ndarray, shape (N,)
+        Raw residual without what differs from run to run.
+    level
+        Dry friction and command [V].
+    radius
+        First one of the trust region.
     """
 
+    def noise(theta: FloatArray, own: FloatArray) -> Noise:
+        return Noise(bench, near.values, Forces.of(theta, *level), own)
+
     def cost(theta: FloatArray) -> float:
-        noise = Noise(bench, dict(values), Forces.of(theta, *level), own)
-        w = noise.innovations(rest, bench.pool.map)[bench.moves]
-        return float(0.5 * (w @ w) + 0.5 * noise.logarithm + 0.5 * np.sum((theta / _BETWEEN_RIGS) ** 2))
+        trial = noise(theta, near.own)
+        w = trial.innovations(rest, bench.pool.map)[bench.moves]
+        return float(0.5 * (w @ w) + 0.5 * trial.logarithm + 0.5 * np.sum((theta / _BETWEEN_RIGS) ** 2))
 
     options: Any = {"maxfev": _EVALUATIONS, "initial_tr_radius": radius, "final_tr_radius": _RESOLVED}
-    found = minimize(cost, start, method="COBYQA", options=options)
-    return np.asarray(found.x), float(found.fun)
+    found = minimize(cost, near.forces.theta(level[0]), method="COBYQA", options=options)
+    if not np.isfinite(found.fun):
+        drive = ", ".join(f"{n} = {v:.3g}" for n, v in near.values.items())
+        raise ValueError(
+            f"recordings: their likelihood must be a number; got {found.fun:g} around a drive with {drive}. See what "
+            "their units are taken for: flexdrive check."
+        )
+    own = _own(bench, noise(np.asarray(found.x), np.ones(len(bench.runs))), rest)
+    return replace(noise(np.asarray(found.x), own), scale=near.scale, cost=float(found.fun))
 
 
 def _own(bench: Bench, noise: Noise, rest: FloatArray) -> FloatArray:
@@ -353,7 +374,9 @@ def _scales(mean: FloatArray, variance: FloatArray, found: Sequence[Direction]) 
     return {g: float(np.clip(np.sqrt(s), *limits[g])) for g, s in square.items()}
 
 
-def _modes(bench: Bench, white: FloatArray, found: Sequence[Direction], scale: Mapping[str, float]) -> list[FloatArray]:
+def _modes(
+    bench: Bench, white: FloatArray, found: Sequence[Direction], scale: Mapping[str, float]
+) -> list[SingleArray]:
     modes = []
     sizes = np.array([scale[d.group] for d in found])
     for rows in bench.rows:
@@ -363,5 +386,5 @@ def _modes(bench: Bench, white: FloatArray, found: Sequence[Direction], scale: M
         seen = square > _SEEN**2
         s = np.sqrt(square[seen])
         U = D @ V[:, seen] / s
-        modes.append(np.asarray(U * np.sqrt(1.0 - 1.0 / np.sqrt(1.0 + s**2))))
+        modes.append(np.asarray(U * np.sqrt(1.0 - 1.0 / np.sqrt(1.0 + s**2)), dtype=np.float32))
     return modes

@@ -46,11 +46,24 @@ def far(base: Fit) -> bool:
 
 
 def fit_candidates(
-    base: Fit, noise: Metric, jobs: Sequence[tuple[Candidate, Values]]
+    base: Fit, noise: Metric, jobs: Sequence[tuple[Candidate, Values]], *, enough: float = np.inf
 ) -> dict[Name, tuple[Candidate, Fit]]:
-    """Fit candidates, each from all its starts that a simulation resolves."""
+    """Fit candidates, each from all its starts that a simulation resolves.
+
+    Parameters
+    ----------
+    enough
+        Decrease of the cost by the candidate that is ahead from which on the others are left where a first try ended: noise that
+        is told without it is not what they are to be judged by.
+    """
     bench = base.bench
     best = _tried(base, noise, jobs)
+    if not far(base) and best:
+        white = noise.white(base.residual)
+        first = min(best, key=lambda n: best[n][1].cost)
+        best[first] = best[first][0], _at_optimum(noise, best[first][1])
+        if float(white @ white) - best[first][1].cost > enough:
+            return best
     # those that are ahead, and those that the linear change puts first, however far their fits have to go
     asked = list(dict.fromkeys(candidate.name for candidate, _ in jobs if candidate.name in best))
     ahead = sorted(best, key=lambda n: best[n][1].cost)[: bench.settings.finished]
@@ -89,9 +102,7 @@ def _ended(base: Fit, noise: Metric, best: Mapping[Name, tuple[Candidate, Fit]])
     None may win by its basin, and a valley of the base model is gone down once, not by everyone.
     """
     bench, found = base.bench, dict(best)
-
-    def ended(own: Fit) -> Fit:
-        return own if own.known is not None else fit(bench, noise, own.values, own.names, near=own)
+    ended = partial(_at_optimum, noise)
 
     def beside(leader: Candidate, there: Fit, item: tuple[Candidate, Fit]) -> tuple[Candidate, Fit]:
         candidate, own = item
@@ -117,6 +128,10 @@ def _ended(base: Fit, noise: Metric, best: Mapping[Name, tuple[Candidate, Fit]])
         rest = [item for n, item in found.items() if n not in asked]
         found |= {c.name: (c, f) for c, f in bench.pool.map(partial(beside, leader, there), rest)}
     return found
+
+
+def _at_optimum(noise: Metric, own: Fit) -> Fit:
+    return own if own.known is not None else fit(own.bench, noise, own.values, own.names, near=own)
 
 
 def refit_base(base: Fit, noise: Noise, fits: Sequence[tuple[Candidate, Fit]]) -> tuple[Fit, float]:

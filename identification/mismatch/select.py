@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -27,8 +28,8 @@ from identification.mismatch.start import Start, candidate_starts, far_starts
 from identification.topology import Topology
 
 Say = Callable[[str], None]
-# significant candidates that are tried beside what was named
-_MORE = 3
+# significant candidates that are tried beside what was named, and the iterations of a try: it only tells what is noise
+_MORE, _TRY = 3, 4
 
 
 def _absent(candidates: Sequence[Candidate], base: Fit) -> set[str]:
@@ -115,7 +116,8 @@ class Selector:
         doubted: int | None = None
         while len(rounds) < self.settings.rounds:
             self.say(f"round {len(rounds) + 1}")
-            step = self._round(base, whole, phases, taken, len(rounds), () if rounds else proposed)
+            before = rounds[-1].noise if rounds else None
+            step = self._round(base, whole, phases, taken, before, () if rounds else proposed)
             rounds.append(step)
             base = step.base
             name = self._name(step) if step.accepted else None
@@ -179,7 +181,8 @@ class Selector:
                 {**model.values, **{k: s.fit.values[k] for k in s.candidate.keys}},
                 _both(last.base.values, model.values, s.fit.values, last.best.candidate),
             )
-            more = min((fit(self.bench, last.noise, v, names) for v in starts), key=lambda f: f.cost)
+            tried = partial(fit, self.bench, last.noise, names=names, iterations=_TRY)
+            more = min(self.bench.pool.map(tried, starts), key=lambda f: f.cost)
             if more.cost < model.cost - WORTH * len(s.candidate.keys):
                 model = more
         return model
@@ -190,10 +193,11 @@ class Selector:
         whole: Fit,
         phases: tuple[Direction, ...],
         taken: Sequence[tuple[Scored, Round]],
-        number: int,
+        before: Noise | None,
         proposed: Sequence[Start],
     ) -> Round:
-        bench, seed = self.bench, [self.seed, number]
+        """Return one step of the selection; ``before`` is the noise of the step before."""
+        bench, seed = self.bench, [self.seed, len(taken)]
         named = {s.name for s, _ in taken}
         candidates = [c for c in self.candidates if c.name not in named]
         model = whole
@@ -202,8 +206,8 @@ class Selector:
             # what is noise is told by a model that lacks nothing: one that has candidates linearly, around the best fit there is
             found = (*directions(bench, model.values), *phases)
             if turn == 0:
-                noise = estimate(bench, model.values, model.residual, found)
-                base = fit(bench, noise, base.values, base.names)
+                noise = estimate(bench, model.values, model.residual, found, before)
+                base = fit(bench, noise, base.values, base.names, near=base)
                 linear = self._linear(base, noise, candidates)
                 model, noise = self._freed(model, noise, linear, found, candidates)
                 if model is not whole:
@@ -211,9 +215,9 @@ class Selector:
             near = model if len(model.names) > len(base.names) else base
             there = linear.around(near, noise)
             left = generous(there)
-            noise = estimate(bench, near.values, left, (*found, *ripples(there, left)))
+            noise = estimate(bench, near.values, left, (*found, *ripples(there, left)), noise)
             noise, first = first_draws(bench, base.values, noise, found, left, seed)
-            base = fit(bench, noise, base.values, base.names)
+            base = fit(bench, noise, base.values, base.names, near=base)
             linear = linear.around(base, noise)
             table = evaluate(linear, linear.residual[:, None])
             apart = (whole,) if model is whole else (whole, model)
@@ -222,9 +226,11 @@ class Selector:
                 *((c, {**base.values, **own}) for c, own in proposed),
                 *((c, _part(c, base, m)) for m in apart for c in candidates if all(k in m.values for k in c.keys)),
             ]
-            fits = fit_candidates(base, noise, jobs)
+            # what gains so much is told again, with noise around it
+            enough = 2.0 * self.settings.again if turn == 0 else np.inf
+            fits = fit_candidates(base, noise, jobs, enough=enough)
             model = min((f for _, f in fits.values()), key=lambda f: f.cost, default=base)
-            if model.cost > base.cost - 2.0 * self.settings.again:
+            if model.cost > base.cost - enough:
                 break
         return self._judged(linear, first, fits, found, candidates, seed)
 
@@ -293,7 +299,7 @@ class Selector:
             *((c, {**base.values, **own}) for c, own in self._seen_far(base, candidates)),
         ]
         best = min((f for _, f in fit_candidates(base, quiet, jobs).values()), key=lambda f: f.cost, default=base)
-        other = estimate(self.bench, best.values, best.residual, found)
+        other = estimate(self.bench, best.values, best.residual, found, quiet)
         more = len(best.names) - len(model.names)
         return (best, other) if other.cost + WORTH * more < noise.cost else (model, noise)
 

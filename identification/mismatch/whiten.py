@@ -36,6 +36,8 @@ STATES = 8
 _STOPS_S = 0.005
 # decays per step beyond which a drive is no stiffer
 _STIFF = 20.0
+# relative change of a variance per block below which a filter repeats itself
+_SETTLED = 1e-7
 # variance of a position that nothing is known of, in variances of its rounding
 _UNKNOWN = 1e8
 
@@ -108,11 +110,19 @@ def _riccati(As: Any, Qs: Any, mode: Any, P: Any, rounding: Any, valid: Any, gai
     ``P``, the covariance at the start, is used up.
     """
     carts, blocks = valid.shape
-    room, turned, shown = np.zeros((STATES, STATES)), np.zeros((STATES, STATES)), np.zeros(STATES)
+    room, turned = np.zeros((STATES, STATES)), np.zeros((STATES, STATES))
+    shown, before = np.zeros(STATES), np.zeros(STATES)
+    settled = False
     for b in range(blocks):
+        same = b > 0 and mode[b] == mode[b - 1]
         for c in range(carts):
+            same = same and valid[c, b] == valid[c, b - 1]
             if b > 0 and valid[c, b] and not valid[c, b - 1]:
                 P[6 + c, 6 + c] += _UNKNOWN * rounding[c]
+        if settled and same:
+            gain[b], variance[:, b] = gain[b - 1], variance[:, b - 1]
+            continue
+        settled = False
         A, Q = As[mode[b]], Qs[mode[b]]
         # A P Aᵀ = A (A P)ᵀ, for P is symmetric
         _carried(A, P, room)
@@ -138,6 +148,13 @@ def _riccati(As: Any, Qs: Any, mode: Any, P: Any, rounding: Any, valid: Any, gai
             for i in range(STATES):
                 for k in range(STATES):
                     P[i, k] += (rounding[c] * gain[b, c, i] - shown[i]) * gain[b, c, k]
+        # at rest the gain stays while unknown forces grow: only a covariance that a moving drive repeats has settled
+        if same and mode[b] == 0:
+            settled = True
+            for i in range(STATES):
+                settled = settled and abs(P[i, i] - before[i]) <= _SETTLED * P[i, i]
+        for i in range(STATES):
+            before[i] = P[i, i]
 
 
 @kernel

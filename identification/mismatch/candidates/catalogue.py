@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass
 from itertools import product
 from math import isfinite
@@ -44,11 +44,6 @@ class Candidate:
     def name(self) -> tuple[str, str]:
         """Effect and place: what a finding is called by."""
         return self.id, self.where
-
-    @property
-    def variant(self) -> tuple[str, ...]:
-        """Which of the effect's sizes are free; variants of one name compete with each other."""
-        return (self.id, self.where, *(k for k, _ in self.sizes))
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -138,8 +133,3 @@ def look_alikes(effect: str) -> set[str]:
     return {e.id for e in EFFECTS if effect in e.looks_like} | {
         i for e in EFFECTS if e.id == effect for i in e.looks_like
     }
-
-
-def with_parameters(values: Mapping[str, float], more: Mapping[str, float]) -> dict[str, float]:
-    """Return a drive with further parameters."""
-    return {**values, **more}
