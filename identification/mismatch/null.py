@@ -4,10 +4,10 @@ A draw is a simulation of the present model under everything that is nobody's mi
 intensities, friction and a track that differ from run to run, and encoder counts. It goes through the drive's own step,
 so what noise
 does to dry friction is in the draws: it dithers the reversals, for the mean of a non-linear drive is not the drive of
-the mean. Every candidate's gain is computed in every draw as it is in the data. Each name is
-judged against the median and the upper spread of its own draws, for a candidate that acts near reversals gains more in
-data that lack
-nothing; the largest over the catalogue gives the p-value. Draws end early where so many have done better that the answer is
+the mean. Every candidate's gain is computed in every draw as it is in the data. Each name is judged by the tail of its own
+draws, for a candidate that acts near reversals, or like a slope of the track, gains more in data that lack nothing, and in a
+few of them much more; the rarest gain of the catalogue gives the p-value (P. H. Westfall, S. S. Young, Resampling-Based Multiple
+Testing, 1993: minimum of p-values). Draws end early where so many have done better that the answer is
 certain (J. Besag, P. Clifford, Sequential Monte Carlo p-values, Biometrika 78, 1991).
 """
 
@@ -26,10 +26,12 @@ from identification.mismatch.linear import Linear
 from identification.mismatch.noise import Noise, scattered
 from identification.mismatch.nuisance import Direction, drawn, moving
 
-# quantiles that tell the spread of a null distribution's upper half and of its tail, and what they are of a standard normal one
-_UPPER, _NORMAL = (0.9, 0.99), (1.2816, 2.3263)
-# least spread that a name's gains are judged by: half of what is strong evidence (R. Kass, A. Raftery, Bayes factors, 1995)
+# quantiles that tell the tail of a name's gains: between them, and beyond, the share of draws with a larger gain is a power of it
+_TAIL = (0.9, 0.99)
+# least gain that is in a tail: half of what is strong evidence (R. Kass, A. Raftery, Bayes factors, 1995)
 _LEAST = 1.5
+# least ratio of the two quantiles: that of an exponential distribution
+_LIGHTEST = 2.0
 # draws made at a time, and the first of them, which tell the weights
 _CHUNK, _FIRST = 60, 120
 # draws simulated by one thread at a time
@@ -44,35 +46,38 @@ class Null:
 
     Attributes
     ----------
-    mean, spread
-        Centre and upper spread of every name's gain over the draws.
+    tail
+        Every name's gain that one draw in ten exceeds, and the ratio to it of the gain that one in a hundred does.
     largest : ndarray, shape (draws,)
-        Largest standardised gain of any name.
+        Largest score of any name.
     """
 
-    mean: dict[Name, float]
-    spread: dict[Name, float]
+    tail: dict[Name, tuple[float, float]]
     largest: FloatArray
 
     @classmethod
     def of(cls, gain: Mapping[Name, FloatArray]) -> Null:
         """Return the distribution from every name's gains over the draws."""
-        mean = {n: float(np.median(g)) for n, g in gain.items()}
-        # predicting others badly has no limit, predicting them well has: the spread that matters is that of the upper half
-        # and a name with a heavy tail must not set the level for all others: its tail is its spread
-        raw = {n: float(np.max((np.quantile(g, _UPPER) - mean[n]) / _NORMAL)) for n, g in gain.items()}
-        # a gain that is strong evidence in one name is not ten times as strong in another that hardly ever gains
-        spread = {n: max(s, _LEAST) for n, s in raw.items()}
-        return cls(mean, spread, np.max([(g - mean[n]) / spread[n] for n, g in gain.items()], axis=0))
+        tail = {}
+        for name, g in gain.items():
+            often, rarely = np.maximum(np.quantile(g, _TAIL), _LEAST)
+            tail[name] = float(often), max(float(rarely / often), _LIGHTEST)
+        return cls(tail, np.max([_score(g, *tail[n]) for n, g in gain.items()], axis=0))
 
     def score(self, name: Name, gain: float) -> float:
-        """Return a gain in spreads of its own null distribution above its centre."""
-        typical = float(np.median(list(self.spread.values())))
-        return (gain - self.mean.get(name, 0.0)) / self.spread.get(name, typical)
+        """Return how rare a gain is under a name's own null distribution: decades beyond one draw in ten, negative below."""
+        often, ratio = self.tail.get(name) or np.median(list(self.tail.values()), axis=0)
+        return float(_score(np.array(gain), float(often), float(ratio)))
 
     def p_value(self, name: Name, gain: float) -> float:
         """Return how often the best of the catalogue gains as much where nothing is left out."""
         return float((1 + np.sum(self.largest >= self.score(name, gain))) / (len(self.largest) + 1))
+
+
+def _score(gain: FloatArray, often: float, ratio: float) -> FloatArray:
+    """Return the decades by which a gain is rarer than the one of one draw in ten; below that, the share of it over one."""
+    relative = gain / often
+    return np.where(relative > 1.0, np.log(np.maximum(relative, 1.0)) / np.log(ratio), relative - 1.0)
 
 
 def first_draws(

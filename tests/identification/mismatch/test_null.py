@@ -11,11 +11,13 @@ from tests.identification.mismatch.lab import bench_of, data_set
 
 def test_p_value_is_the_share_of_draws_whose_largest_score_is_larger():
     name = ("stribeck", "cart_1")
-    null = Null({name: 1.0}, {name: 2.0}, np.arange(99.0))
-    assert null.score(name, 5.0) == 2.0
+    # one draw in ten gains 2, one in a hundred 20: 200 is two decades beyond the first
+    null = Null({name: (2.0, 10.0)}, np.arange(99.0))
+    assert null.score(name, 200.0) == pytest.approx(2.0)
+    assert null.score(name, 1.0) == -0.5
     # 97 of 99 draws reach a score of 2
-    assert null.p_value(name, 5.0) == pytest.approx(0.98)
-    assert null.p_value(name, 1000.0) == pytest.approx(0.01)
+    assert null.p_value(name, 200.0 * (1.0 - 1e-12)) == pytest.approx(0.98)
+    assert null.p_value(name, 1e102) == pytest.approx(0.01)
 
 
 def test_a_name_is_judged_by_its_own_draws():
@@ -24,6 +26,34 @@ def test_a_name_is_judged_by_its_own_draws():
     null = Null.of({quiet: rng.exponential(1.0, 400), loud: 50.0 + 20.0 * rng.normal(size=400)})
     assert null.p_value(loud, 60.0) > 0.2
     assert null.p_value(quiet, 60.0) < 0.01
+
+
+def test_a_name_with_a_heavy_tail_does_not_set_the_level_of_the_others():
+    rng = np.random.default_rng(1)
+    usual, heavy = ("encoder_delay", "encoder_2"), ("ground_spring", "guide")
+    null = Null.of({usual: 5.0 * rng.exponential(1.0, 480), heavy: 2.0 * (rng.pareto(1.0, 480) + 1.0)})
+    # some draws of the heavy one gain hundreds
+    assert null.p_value(usual, 60.0) < 0.01
+    assert null.p_value(heavy, 60.0) > 0.05
+
+
+def test_p_values_of_data_in_which_nothing_is_left_out_are_uniform():
+    rng = np.random.default_rng(2)
+    names = [(f"effect {i}", "cart_1") for i in range(20)]
+
+    def gains(n):
+        shared = rng.exponential(1.0, n)
+        return {
+            k: rng.exponential(1.0 + i, n) + shared + (rng.pareto(1.5, n) if i % 4 == 0 else 0.0)
+            for i, k in enumerate(names)
+        }
+
+    p = []
+    for _ in range(300):
+        null, data = Null.of(gains(240)), gains(1)
+        p.append(min(null.p_value(k, float(g[0])) for k, g in data.items()))
+    assert np.quantile(p, [0.1, 0.5, 0.9]) == pytest.approx([0.1, 0.5, 0.9], abs=0.06)
+    assert np.mean(np.array(p) <= 0.02) <= 0.04
 
 
 def test_draws_under_unknown_forces_are_white_once_whitened():
