@@ -19,7 +19,7 @@ from flexdrive_gym import Drive, Provenance, Recording, __version__
 from flexdrive_gym.drive.parameters import checked
 from identification.mismatch.baseline import fit_tied, ratios
 from identification.mismatch.bench import Bench
-from identification.mismatch.candidates.catalogue import Candidate, null_value
+from identification.mismatch.candidates.catalogue import Candidate
 from identification.mismatch.candidates.phases import Phase
 from identification.mismatch.covariance import uncertainty
 from identification.mismatch.errors import loop_fits, recording_fits, total, velocity_rms
@@ -148,7 +148,7 @@ class _Result:
 
     @property
     def accepted(self) -> list[tuple[Scored, Round]]:
-        """Accepted candidates, but for those that the last fit takes back to nothing: the reported drive has no such effect."""
+        """Accepted candidates, but for those that the simulation does not need: the reported drive has no such effect."""
         return self._lasting[1]
 
     @cached_property
@@ -156,15 +156,28 @@ class _Result:
         accepted, model = list(self.selection.accepted), self.selection.model
         while accepted:
             last = output_error(self.bench, model, self.base)
-            gone = next((s for s, _ in accepted if _is_nothing(s, last)), None)
-            if gone is None:
+            shares = [(self._share(s, last), s) for s, _ in accepted]
+            least, idle = min(shares, key=lambda item: item[0])
+            if least >= self.bench.settings.relevant:
                 return last, accepted
-            assert isinstance(gone.candidate, Candidate)
-            accepted = [(s, step) for s, step in accepted if s is not gone]
-            names = [n for n in model.names if n not in gone.candidate.keys]
+            assert isinstance(idle.candidate, Candidate)
+            accepted = [(s, step) for s, step in accepted if s is not idle]
+            names = [n for n in model.names if n not in idle.candidate.keys]
             noise = self.selection.rounds[-1].noise
-            model = fit(self.bench, noise, without(gone.candidate, model.values, names), names)
+            model = fit(self.bench, noise, without(idle.candidate, model.values, names), names)
         return self.base, []
+
+    def _share(self, scored: Scored, last: Fit) -> float:
+        """Return the share of the squared output error that an accepted candidate takes off, beside all others.
+
+        Milliseconds tell laws apart, and tell of what no simulation needs, too: ripples of a contact whose law is another.
+        """
+        if not isinstance(scored.candidate, Candidate):
+            # one with a phase of its own in every recording is in no simulation
+            return 1.0
+        names = [n for n in last.names if n not in scored.candidate.keys]
+        less = fit(self.bench, last.metric, without(scored.candidate, last.values, names), names)
+        return 1.0 - last.cost / max(less.cost, 1e-300)
 
     @property
     def runs(self) -> Sequence[Recording]:
@@ -291,12 +304,6 @@ def significance_of(step: Round) -> float:
     What is named may be another that predicts as well with fewer parameters.
     """
     return min(s.p for s in step.scored)
-
-
-def _is_nothing(scored: Scored, model: Fit) -> bool:
-    """Whether a model has an effect whose every size is null."""
-    own = scored.candidate
-    return isinstance(own, Candidate) and all(model.values[k] == null_value(k) for k, _ in own.sizes)
 
 
 def _estimates(scored: Scored, drive: Drive) -> dict[str, Estimate]:

@@ -57,6 +57,10 @@ class Settings:
         Recordings under which sign flips are too few and Webb's six-point weights are used: 2^(12 - 1) = 2048 flips.
     rounds
         Largest number of effects: five fill the tables of a report, and no development data set has more than two.
+    relevant
+        Share of the squared output error that a finding takes off at least [1]. Neighbouring rows of 5 ms correlate by 0.97, so
+        that 600 of the 40,000 of a data set are independent: of a hundred parameters that are fitted to nothing one takes off
+        more.
     small_motion
         Rms velocity over the noise that encoder counts make in a block, under which positions are compared instead [1]: there
         a difference of counts is mostly rounding, and the counts themselves are not.
@@ -87,6 +91,7 @@ class Settings:
     draws: int = 480
     few: int = 12
     rounds: int = 5
+    relevant: float = 0.01
     small_motion: float = 1.0
     damping: float = 1e-6
     iterations: int = 200

@@ -6,7 +6,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from identification.mismatch import diagnose as whole
 from identification.mismatch.diagnose import diagnose
 from identification.mismatch.fit import fit
 from identification.mismatch.select import Selector
@@ -68,9 +67,9 @@ def test_what_was_left_out_again_is_in_no_finding(monkeypatch):
     assert finding.report_rms_after == pytest.approx(found.after_rms)
 
 
-def test_what_the_last_fit_takes_back_to_nothing_is_no_finding(monkeypatch):
-    """Play that the reported drive does not have was once a finding of 0 mm."""
-    chosen, judged = Selector.run, whole.output_error
+def test_what_no_simulation_needs_is_no_finding(monkeypatch):
+    """Play of a few hundredths of a millimetre may predict milliseconds; a simulation is as good without."""
+    chosen = Selector.run
     play = "encoder_play.encoder_1.g"
 
     def run(self):
@@ -81,12 +80,7 @@ def test_what_the_last_fit_takes_back_to_nothing_is_no_finding(monkeypatch):
         later = replace(scored, candidate=candidate, fit=more)
         return replace(selection, model=more, accepted=((scored, step), (later, step)))
 
-    def output_error(bench, near, *others):
-        found = judged(bench, near, *others)
-        return replace(found, values={**found.values, play: 0.0}) if play in found.values else found
-
     monkeypatch.setattr(Selector, "run", run)
-    monkeypatch.setattr(whole, "output_error", output_error)
     found = diagnose(_runs("ground_spring"), settings=ONE_ROUND, jobs=1)
     assert [f.id for f in found.findings] == ["ground_spring"]
     assert play not in found.drive.values
