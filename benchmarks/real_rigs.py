@@ -1,4 +1,4 @@
-"""The README's table and a picture from real recordings, which are not part of the repository.
+"""The identification of two real rigs, a table of docs/methods.md, and a picture; the recordings are not part of the repository.
 
 ``python -m benchmarks real_rigs`` looks for them in ``../shared/recordings`` beside the repository.
 """
