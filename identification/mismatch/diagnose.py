@@ -31,7 +31,7 @@ from identification.mismatch.maps import draw_maps, harmonics, located
 from identification.mismatch.missing_force import missing_force
 from identification.mismatch.notes import notes_of
 from identification.mismatch.optima import without
-from identification.mismatch.ranking import Round, Scored
+from identification.mismatch.ranking import Round, Scored, dispensable
 from identification.mismatch.select import Selection, Selector
 from identification.mismatch.settings import Settings
 from identification.mismatch.split import Split, split_recordings
@@ -156,7 +156,7 @@ class _Result:
         accepted, model = list(self.selection.accepted), self.selection.model
         while accepted:
             last = output_error(self.bench, model, self.base)
-            shares = [(self._share(s, last), s) for s, _ in accepted]
+            shares = [(self._share(s, last), s) for s in dispensable([s for s, _ in accepted])]
             least, idle = min(shares, key=lambda item: item[0])
             if least >= self.bench.settings.relevant:
                 return last, accepted

@@ -248,12 +248,12 @@ def estimate(
     level = _level(bench, values)
     noise = first_noise(bench, values)
     if near is not None:
-        # intensities in multiples of another drive's dry friction are another drive's
-        noise = replace(noise, forces=near.forces, own=near.own, scale=near.scale)
+        noise = replace(noise, forces=near.forces, own=near.own)
     if not found:
         return _likeliest(bench, noise, residual, level, _RADIUS[0])
     D = np.column_stack([d.change * d.size for d in found])
-    scale = {d.group: noise.scale.get(d.group, 1.0) for d in found}
+    # expectation maximisation shrinks slowly what was large around another drive: it begins from the prior
+    scale = {d.group: 1.0 for d in found}
     rest = residual
     for radius in _RADIUS:
         if near is None or rest is not residual:

@@ -153,6 +153,12 @@ def ranked(scored: Sequence[Scored], significant: Sequence[Scored]) -> list[Scor
     return [first, *(s for s in order if s is not first)]
 
 
+def dispensable(scored: Sequence[Scored]) -> list[Scored]:
+    """Return the candidates that may be left out beside the others: not dry friction that another one refines (Nelder)."""
+    refined = {s.name[1] for s in scored if s.name[0] in REFINE_FRICTION}
+    return [s for s in scored if s.name[0] != "coulomb_friction" or s.name[1] not in refined]
+
+
 def nameless(scored: Scored) -> bool:
     """Whether a candidate is a free function or a line, which have no name."""
     return isinstance(scored.candidate, Shape | Line)

@@ -22,7 +22,7 @@ from identification.mismatch.noise import Noise, damped, estimate, with_usual_fo
 from identification.mismatch.nuisance import Direction, directions, dry_level
 from identification.mismatch.null import Null, first_draws, null_of
 from identification.mismatch.optima import far, fit_base, fit_candidates, pruned, refit_base, without
-from identification.mismatch.ranking import MOST, Round, Scored, nameless, ranked, scores
+from identification.mismatch.ranking import MOST, Round, Scored, dispensable, nameless, ranked, scores
 from identification.mismatch.score import shared
 from identification.mismatch.start import Start, candidate_starts, far_starts
 from identification.topology import Topology
@@ -116,8 +116,7 @@ class Selector:
         doubted: int | None = None
         while len(rounds) < self.settings.rounds:
             self.say(f"round {len(rounds) + 1}")
-            before = rounds[-1].noise if rounds else None
-            step = self._round(base, whole, phases, taken, before, () if rounds else proposed)
+            step = self._round(base, whole, phases, taken, () if rounds else proposed)
             rounds.append(step)
             base = step.base
             name = self._name(step) if step.accepted else None
@@ -193,10 +192,8 @@ class Selector:
         whole: Fit,
         phases: tuple[Direction, ...],
         taken: Sequence[tuple[Scored, Round]],
-        before: Noise | None,
         proposed: Sequence[Start],
     ) -> Round:
-        """Return one step of the selection; ``before`` is the noise of the step before."""
         bench, seed = self.bench, [self.seed, len(taken)]
         named = {s.name for s, _ in taken}
         candidates = [c for c in self.candidates if c.name not in named]
@@ -206,7 +203,7 @@ class Selector:
             # what is noise is told by a model that lacks nothing: one that has candidates linearly, around the best fit there is
             found = (*directions(bench, model.values), *phases)
             if turn == 0:
-                noise = estimate(bench, model.values, model.residual, found, before)
+                noise = estimate(bench, model.values, model.residual, found)
                 base = fit(bench, noise, base.values, base.names, near=base)
                 linear = self._linear(base, noise, candidates)
                 model, noise = self._freed(model, noise, linear, found, candidates)
@@ -317,12 +314,13 @@ class Selector:
         """Leave out what no longer predicts beside all others, the least first."""
         while len(taken) > 1:
             model = fit(self.bench, last.noise, model.values, model.names)
-            left_out = [self._without(scored, step, model, last) for scored, step in taken]
-            weakest = max(range(len(taken)), key=lambda i: left_out[i][0])
-            if left_out[weakest][0] <= self.level:
+            asked = dispensable([scored for scored, _ in taken])
+            left_out = [(*self._without(s, step, model, last), s) for s, step in taken if s in asked]
+            p, less, weakest = max(left_out, key=lambda item: item[0])
+            if p <= self.level:
                 break
-            model = left_out[weakest][1]
-            del taken[weakest]
+            model = less
+            taken = [(s, step) for s, step in taken if s is not weakest]
         return taken, model
 
     def _without(self, scored: Scored, step: Round, model: Fit, last: Round) -> tuple[float, Fit]:

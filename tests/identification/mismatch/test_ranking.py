@@ -5,7 +5,7 @@ import numpy as np
 from identification.mismatch.candidates.catalogue import Candidate
 from identification.mismatch.candidates.free import Shape
 from identification.mismatch.candidates.narrow_band import made
-from identification.mismatch.ranking import Scored, ranked, tied
+from identification.mismatch.ranking import Scored, dispensable, ranked, tied
 
 RNG = np.random.default_rng(0)
 
@@ -53,6 +53,14 @@ def test_dry_friction_comes_before_what_refines_it():
     assert ranked([refined, elsewhere, plain], [refined, elsewhere, plain])[0] is plain
     # beside it the refinement is named
     assert ranked([refined], [refined])[0] is refined
+
+
+def test_dry_friction_stays_while_another_effect_refines_it():
+    gain = RNG.uniform(50.0, 60.0, 12)
+    own, other = (at_cart("coulomb_friction", gain, f"cart_{c}") for c in (1, 2))
+    refined = at_cart("position_friction", gain, "cart_1")
+    assert dispensable([own, other, refined]) == [other, refined]
+    assert dispensable([own, other]) == [own, other]
 
 
 def test_a_command_makes_its_own_frequency_and_odd_harmonics_through_friction():
