@@ -120,9 +120,9 @@ class Selector:
             rounds.append(step)
             base = step.base
             name = self._name(step) if step.accepted else None
-            if name is None or (nameless(step.best) and doubted is not None):
+            if name is None:
                 break
-            if nameless(step.best):
+            if nameless(step.best) and doubted is None:
                 doubted = len(taken)
             own = step.with_first(name)
             taken.append((name, own))
@@ -249,7 +249,8 @@ class Selector:
         null = null_of(linear, base.values, noise, found, first, table, seed)
         scored = scores(base, linear, table, fits, null, roughness)
         # whatever may be named is fitted before it is
-        least = 0.5 * max((s.total for s in scored if s.p <= self.settings.likely), default=np.inf)
+        names = [s.total for s in scored if s.p <= self.settings.likely and not nameless(s)]
+        least = 0.5 * max(names, default=np.inf)
         missing = {s.name for s in scored if s.fit is None and s.total >= least > 0.0}
         if missing:
             these = [c for c in candidates if c.name in missing]
