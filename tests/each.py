@@ -20,6 +20,8 @@ def each(names: str | Sequence[str], cases: Iterable, ids: Callable | Sequence |
     rows = []
     for i, case in enumerate(cases):
         if isinstance(case, ParameterSet):
+            if case.marks:
+                raise TypeError(f"cases: must have no marks, which one test cannot heed; got {case}. Parametrise.")
             values, name = tuple(case.values), case.id
         else:
             values, name = (case,) if len(called) == 1 else tuple(case), None

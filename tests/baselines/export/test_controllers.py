@@ -42,7 +42,7 @@ def test_every_family_in_c(name):
     same_bits(design(name, DEFAULT_DRIVE).controller, DEFAULT_DRIVE, "c")
 
 
-@each("to", TOOLS)
+@pytest.mark.parametrize("to", TOOLS)
 def test_friction_compensation_and_shaper(to):
     # order 1, friction, a shaper that remembers, an own limit: all that the law has
     law = LinearController(
@@ -52,20 +52,20 @@ def test_friction_compensation_and_shaper(to):
     same_bits(law, DEFAULT_DRIVE, to)
 
 
-@each("to", TOOLS)
+@pytest.mark.parametrize("to", TOOLS)
 def test_a_rig_in_its_own_units(to):
     text = same_bits(design("lqg", ROTARY).controller, ROTARY, to).text
     assert "xr, x1, x2 in rad, u in N m" in text
 
 
-@each("to", TOOLS)
+@pytest.mark.parametrize("to", TOOLS)
 @each("name", ["x1-0", "x2-0"])
 def test_an_agent(name, to):
     assert name in agent_names()
     same_bits(find_agent(name), DEFAULT_DRIVE, to)
 
 
-@each("to", TOOLS)
+@pytest.mark.parametrize("to", TOOLS)
 def test_another_network(to):
     rng = np.random.default_rng(3)
     # both encoders: x1, v1, x2, v2, error, xr, last u and one value ahead

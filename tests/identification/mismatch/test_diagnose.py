@@ -48,6 +48,8 @@ def test_findings_lead_from_the_base_model_to_the_reported_drive(effect):
     errors = [found.before_rms, *(f.report_rms_after for f in found.findings)]
     assert [f.report_rms_before for f in found.findings] == pytest.approx(errors[:-1])
     assert found.after_rms == pytest.approx(errors[-1])
+    # what is named is in it
+    assert all(key in found.drive.values for f in found.findings for key in f.keys)
 
 
 def test_what_was_left_out_again_is_in_no_finding(monkeypatch):
