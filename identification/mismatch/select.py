@@ -120,9 +120,9 @@ class Selector:
             rounds.append(step)
             base = step.base
             name = self._name(step) if step.accepted else None
-            if name is None:
+            if name is None or (nameless(step.best) and doubted is not None):
                 break
-            if nameless(step.best) and doubted is None:
+            if nameless(step.best):
                 doubted = len(taken)
             own = step.with_first(name)
             taken.append((name, own))
