@@ -24,7 +24,7 @@ _TRAJECTORY, _LINEAR = "critical_gain_x2_trajectory", "critical_gain_x2_linear"
 
 @styled
 def plot_parameters(term: Term) -> Figure:
-    """Draw every parameter of every group with its 95 % interval; what stands out is red."""
+    """Draw every parameter of every group with its 95 % interval; what stands out is a red square."""
     shown = term.usable
     names = list(dict.fromkeys(n for _, r in shown for n in r["parameters"]))
     rows = -(-len(names) // _COLUMNS)
@@ -34,7 +34,9 @@ def plot_parameters(term: Term) -> Figure:
     for axes, name in zip(panels.flat, names, strict=False):
         for i, (group, row) in enumerate(shown):
             if name in row["parameters"]:
-                _dot(axes, i, row["parameters"][name], MARK if (group.label, name) in strange else CART[1])
+                # by shape, too: not every eye tells the colours apart
+                looks = (MARK, "s") if (group.label, name) in strange else (CART[1], "o")
+                _dot(axes, i, row["parameters"][name], *looks)
         unit = next(r["parameters"][name]["unit"] for _, r in shown if name in r["parameters"])
         axes.set_title(f"{name} [{unit}]" if unit else name)
         _around([r["parameters"][name] for _, r in shown if name in r["parameters"]], axes)
@@ -45,10 +47,10 @@ def plot_parameters(term: Term) -> Figure:
     return figure
 
 
-def _dot(axes: Axes, at: float, estimate: Mapping[str, Any], colour: str) -> None:
+def _dot(axes: Axes, at: float, estimate: Mapping[str, Any], colour: str, marker: str = "o") -> None:
     if estimate["ci95"] is not None and None not in estimate["ci95"]:
         axes.plot(estimate["ci95"], [at, at], color=colour, linewidth=1.0)
-    axes.plot([estimate["value"]], [at], "o", color=colour, markersize=3.5)
+    axes.plot([estimate["value"]], [at], marker, color=colour, markersize=3.5 if marker == "o" else 5.0)
 
 
 def _around(estimates: Sequence[Mapping[str, Any]], axes: Axes) -> None:
