@@ -182,7 +182,7 @@ def _parameters(term: Term) -> Section:
         return section
     section.figure(
         plots.plot_parameters(term),
-        "Parameters of the base model of every group, with 95 % intervals from the spread between runs; what stands out is a red square.",
+        "Parameters of the base model of every group, with 95 % intervals from the spread between runs; red squares stand out.",
     )
     names = list(dict.fromkeys(n for _, r in term.usable for n in r["parameters"]))
     units = {n: next(r["parameters"][n]["unit"] for _, r in term.usable if n in r["parameters"]) for n in names}
