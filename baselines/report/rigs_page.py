@@ -45,7 +45,7 @@ def sentences(found: Row) -> list[str]:
         (
             f"{found['claims']} other claims: the documentation contradicts {found['contradicted']} (aim: at most "
             f"{found['aims']['contradicted_at_most']}), the others lie beyond it. With a look-alike's base model "
-            f"{found['control_claims']} undocumented names."
+            f"{found['control_claims']} {'name is' if found['control_claims'] == 1 else 'names are'} undocumented."
         ),
     ]
     if found["absent"]:
