@@ -12,7 +12,7 @@ from flexdrive_gym.drive import kernels, parameters
 from flexdrive_gym.drive.effects import EFFECTS, WORKSPACE
 from flexdrive_gym.drive.sample import WORK_SPACE
 from flexdrive_gym.references import square
-from identification.replay.batch import Together
+from identification.replay.batch import RunBatch
 from identification.replay.output_error import prepare
 from tests.drive.drives import RIG
 from tests.drive.reference import TwoMasses
@@ -75,7 +75,7 @@ def in_lanes() -> None:
         prepare(rig.simulate(t, a * np.sin(2 * np.pi * f * t)))
         for a, f in ((2.5, 0.5), (2.5, 2.0), (2.5, 8.0), (1.2, 1.0))
     ]
-    day, nowhere = Together(runs), np.zeros(len(runs))
+    day, nowhere = RunBatch(runs), np.zeros(len(runs))
     for name in ("presliding", "stribeck", "cogging", "hardening_spring", "tilt", "extra_mode"):
         effect = next(e for e in EFFECTS if e.id == name)
         values = {**RIG, **{effect.key(w, q.name): q.starts[0] for w in effect.where[:1] for q in effect.parameters}}

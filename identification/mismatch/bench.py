@@ -14,7 +14,7 @@ from flexdrive_gym.drive.effects import LAYOUT
 from flexdrive_gym.recording import BoolArray, FloatArray, Recording
 from identification.mismatch.experiments import IntArray, experiments
 from identification.mismatch.settings import Settings
-from identification.replay.batch import Together
+from identification.replay.batch import RunBatch
 from identification.replay.output_error import Run, prepare
 
 Values = Mapping[str, float]
@@ -65,7 +65,7 @@ class Bench:
         for positions in (False, True):
             runs = [free(run) for run in self.runs if run.positions == positions]
             if runs:
-                self._batches.append((slice(first, first + len(runs)), Together(runs)))
+                self._batches.append((slice(first, first + len(runs)), RunBatch(runs)))
                 first += len(runs)
         self.pieces, self.valid = _layout(self.runs)
         self.rows = [
@@ -151,7 +151,7 @@ class Bench:
         start = np.array([0.0, 0.0, -deflection, 0.0])
         change = []
         for _, batch in self._batches:
-            moved = Together([replace(run, start=run.start + start) for run in batch.runs])
+            moved = RunBatch([replace(run, start=run.start + start) for run in batch.runs])
             none = np.zeros(len(batch.runs))
             change.append(moved.residual(values, none) - batch.residual(values, none))
         found = np.concatenate(change) / deflection

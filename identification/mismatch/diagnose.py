@@ -26,7 +26,7 @@ from identification.mismatch.errors import loop_fits, recording_fits, total, vel
 from identification.mismatch.finding import Estimate, Finding, Named, Unnamed, experiment_for, short, unit_of
 from identification.mismatch.fit import Fit, fit
 from identification.mismatch.homogeneity import Homogeneity, homogeneity
-from identification.mismatch.levels import output_error
+from identification.mismatch.levels import output_error, share_of_error
 from identification.mismatch.maps import draw_maps, harmonics, located
 from identification.mismatch.missing_force import missing_force
 from identification.mismatch.notes import notes_of
@@ -168,16 +168,8 @@ class _Result:
         return self.base, []
 
     def _share(self, scored: Scored, last: Fit) -> float:
-        """Return the share of the squared output error that an accepted candidate takes off, beside all others.
-
-        Milliseconds tell laws apart, and tell of what no simulation needs, too: ripples of a contact whose law is another.
-        """
-        if not isinstance(scored.candidate, Candidate):
-            # one with a phase of its own in every recording is in no simulation
-            return 1.0
-        names = [n for n in last.names if n not in scored.candidate.keys]
-        less = fit(self.bench, last.metric, without(scored.candidate, last.values, names), names)
-        return 1.0 - last.cost / max(less.cost, 1e-300)
+        # one with a phase of its own in every recording is in no simulation
+        return share_of_error(scored.candidate, last) if isinstance(scored.candidate, Candidate) else 1.0
 
     @property
     def runs(self) -> Sequence[Recording]:

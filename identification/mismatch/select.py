@@ -10,13 +10,14 @@ import numpy as np
 
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.bench import Bench, Values
-from identification.mismatch.candidates.catalogue import Candidate, catalogue
+from identification.mismatch.candidates.catalogue import Candidate, catalogue, look_alikes
 from identification.mismatch.candidates.free import Shape, shapes
 from identification.mismatch.candidates.narrow_band import Line
 from identification.mismatch.candidates.phases import Phase
 from identification.mismatch.evaluate import Name, Table, evaluate, random_gains
 from identification.mismatch.fit import Fit, fit, gain_of
 from identification.mismatch.generous import WORTH, generous, ripples
+from identification.mismatch.levels import Levels, share_of_error
 from identification.mismatch.linear import Linear, linearise
 from identification.mismatch.noise import Noise, damped, estimate, with_usual_forces
 from identification.mismatch.nuisance import Direction, directions, dry_level
@@ -135,11 +136,19 @@ class Selector:
         return Selection(tuple(rounds), rounds[0].base, base, tuple(taken), rounds[-1].variability)
 
     def _name(self, step: Round) -> Scored | None:
-        """Return what a round names, or the best significant name where a free function won."""
-        if not nameless(step.best):
-            return step.best
-        names = (s for s in step.scored if s.p <= self.level and s.total > 0.0 and not nameless(s))
-        return max(names, key=lambda s: s.total, default=None)
+        """Return what a round names: the first that a simulation needs, of the significant names where a free function won."""
+        significant = [s for s in step.scored if s.p <= self.level and s.total > 0.0 and not nameless(s)]
+        order = significant if nameless(step.best) else [step.best, *(s for s in significant if s is not step.best)]
+        return next((s for s in order[: _MORE + 1] if self._needed(s, step.base)), None)
+
+    def _needed(self, scored: Scored, base: Fit) -> bool:
+        """Whether a simulation needs a name, beside what was named before."""
+        if scored.fit is None or not isinstance(scored.candidate, Candidate):
+            return True
+        found = scored.fit
+        levels = Levels.of(self.bench, found.residual, base.residual)
+        best = fit(self.bench, levels, found.values, found.names)
+        return share_of_error(scored.candidate, best) >= self.settings.relevant
 
     def _stand(self, names: Sequence[tuple[Scored, Round]], step: Round) -> bool:
         """Whether names stand for the free function that won: together they gain most of what it gains."""
@@ -248,14 +257,20 @@ class Selector:
         table = evaluate(linear, linear.residual[:, None])
         null = null_of(linear, base.values, noise, found, first, table, seed)
         scored = scores(base, linear, table, fits, null, roughness)
-        # whatever may be named is fitted before it is
+        # whatever may be named is fitted before it is, and so is what looks like the leader
         names = [s.total for s in scored if s.p <= self.settings.likely and not nameless(s)]
         least = 0.5 * max(names, default=np.inf)
-        missing = {s.name for s in scored if s.fit is None and s.total >= least > 0.0}
+        beside: dict[str, float] = {}
+        alike = set[str]()
+        for leader, there in leading[:1]:
+            alike = look_alikes(leader.id)
+            beside = {k: v for k, v in without(leader, there.values, base.names).items() if k in base.names}
+        missing = {s.name for s in scored if s.fit is None and (s.total >= least > 0.0 or s.name[0] in alike)}
         if missing:
             these = [c for c in candidates if c.name in missing]
             more = candidate_starts(base, linear, table, these, sorted(missing), len(missing))
-            fits |= fit_candidates(base, noise, [job for job in more if job[0].name in missing])
+            more = [job for job in more if job[0].name in missing]
+            fits |= fit_candidates(base, noise, [*more, *((c, {**v, **beside}) for c, v in more if c.id in alike)])
             scored = scores(base, linear, table, fits, null, roughness)
         asked = {candidate.name for candidate, _ in leading}
         while True:
@@ -304,9 +319,12 @@ class Selector:
     def _jobs(
         self, base: Fit, linear: Linear, table: Table, first: FloatArray, candidates: Sequence[Candidate]
     ) -> list[tuple[Candidate, dict[str, float]]]:
-        """Return what to fit: names whose linear change is the least like chance, and what no linear change shows."""
+        """Return what to fit: in turn names whose linear change is the least like chance, and those whose change gains most."""
         prior = Null.of(evaluate(linear, first).total)
-        order = sorted(table.total, key=lambda n: -prior.score(n, float(table.total[n][0])))
+        gain = {n: float(total[0]) for n, total in table.total.items() if n in {c.name for c in candidates}}
+        rarest = sorted(gain, key=lambda n: -prior.score(n, gain[n]))
+        largest = sorted(gain, key=lambda n: -gain[n])
+        order = list(dict.fromkeys(n for pair in zip(rarest, largest, strict=True) for n in pair))
         return candidate_starts(base, linear, table, candidates, order, self.settings.proposals)
 
     def _backward(

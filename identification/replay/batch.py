@@ -126,7 +126,7 @@ def _replay(first: int, last: int, recorded: Recorded, asked: Asked, work: Work,
                 row += 1
 
 
-class Together:
+class RunBatch:
     """Prepared recordings side by side in memory; they do not change any more.
 
     Parameters

@@ -174,7 +174,7 @@ class LaneReplay:
     ) -> FloatArray:
         """Return block means of measured minus simulated motion of one drive, in the order of the recordings.
 
-        Other parameters are those of :meth:`~identification.replay.batch.Together.residual`, of all recordings here.
+        Other parameters are those of :meth:`~identification.replay.batch.RunBatch.residual`, of all recordings here.
 
         Parameters
         ----------

@@ -23,7 +23,7 @@ EFFECT = Effect(
     parameters=(Parameter("g", "mm", 0.0, 0.0, 20.0, "half the play", (0.3, 1.0)),),
     hooks={"deflection": _deflection},
     tells_itself_by="soft at small δ",
-    looks_like=("hardening_spring",),
+    looks_like=("hardening_spring", "coil_bind"),
     separating_experiment="small sine near resonance",
     reference="M. Nordin, P.-O. Gutman, Controlling mechanical systems with backlash: a survey, Automatica 38(10), 2002",
 )

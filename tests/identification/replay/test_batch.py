@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.replay.batch import Together
+from identification.replay.batch import RunBatch
 from identification.replay.output_error import prepare, simulate_run
 from tests.drive.drives import RIG
 from tests.each import each
@@ -39,13 +39,13 @@ def alone(values, run, offset=0.0, pushes=None):
 def test_every_recording_as_by_itself(runs, values):
     offsets = np.linspace(0.0, 5.0, len(runs))
     expected = np.concatenate([alone(values, run, o) for run, o in zip(runs, offsets, strict=True)])
-    assert Together(runs).residual(values, offsets) == pytest.approx(expected, abs=1e-9)
+    assert RunBatch(runs).residual(values, offsets) == pytest.approx(expected, abs=1e-9)
 
 
 def test_some_of_them_each_with_a_drive_and_a_push_of_its_own(runs):
     pushes = [0.05 * np.ones((2, len(run.u))) for run in runs[1:3]]
     expected = [alone(v, run, pushes=f) for v, run, f in zip(DRIVES[:2], runs[1:3], pushes, strict=True)]
-    found = Together(runs).residual(DRIVES[:2], np.zeros(len(runs)), 1, 3, pushes)
+    found = RunBatch(runs).residual(DRIVES[:2], np.zeros(len(runs)), 1, 3, pushes)
     assert found == pytest.approx(np.concatenate(expected), abs=1e-9)
 
 
@@ -55,10 +55,10 @@ def test_positions_and_a_command_that_was_continuous(runs):
     one = replace(run, fine=fine, cutoff=0.0)
     for positions in (False, True):
         other = replace(one, positions=positions)
-        found = Together([other]).residual(RIG, np.zeros(1))
+        found = RunBatch([other]).residual(RIG, np.zeros(1))
         assert found == pytest.approx(alone(RIG, other), abs=1e-6)
 
 
 def test_a_drive_that_runs_away_leaves_a_number(runs):
-    residual = Together(runs).residual({**RIG, "m1": 1e-9, "m2": 1e-9, "k": 50.0, "b1": 5.0}, np.zeros(len(runs)))
+    residual = RunBatch(runs).residual({**RIG, "m1": 1e-9, "m2": 1e-9, "k": 50.0, "b1": 5.0}, np.zeros(len(runs)))
     assert np.all(np.isfinite(residual))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexdrive_gym.drive.effects import EFFECTS
-from identification.replay.batch import Together
+from identification.replay.batch import RunBatch
 from identification.replay.output_error import prepare
 from tests.drive.drives import RIG
 from tests.drive.effects.runs import start_values
@@ -57,7 +57,7 @@ def same(day, values, pushes=None):
 
 @each(("effect", "where"), INSTANCES, ids=NAMES)
 def test_every_effect_does_in_a_lane_what_it_does_alone(runs, effect, where):
-    same(Together(runs), {**RIG, **start_values(effect, where)})
+    same(RunBatch(runs), {**RIG, **start_values(effect, where)})
 
 
 @each("name", FURTHER)
@@ -66,12 +66,12 @@ def test_so_do_delays_limits_and_several_effects(runs, name):
     day = runs
     if "m2" not in values:
         day = [replace(run, measured=run.measured[:1], keep=run.keep[:1], floor=run.floor[:1]) for run in runs]
-    same(Together(day), values)
+    same(RunBatch(day), values)
 
 
 def test_so_do_pushes_on_a_drive_without_effects(runs):
     rng = np.random.default_rng(3)
-    same(Together(runs), RIG, [0.1 * rng.standard_normal((2, len(run.u))) for run in runs])
+    same(RunBatch(runs), RIG, [0.1 * rng.standard_normal((2, len(run.u))) for run in runs])
 
 
 @each("effects", [{}, {"presliding.cart_2.fd": 0.2}, {"stribeck.cart_1.extra": 0.1}])
@@ -79,16 +79,16 @@ def test_so_does_friction_of_its_own_in_every_run(runs, effects):
     rng = np.random.default_rng(4)
     drives = [{**RIG, **effects, "d1": d1, "d2": d2} for d1, d2 in rng.uniform(0.1, 0.4, (len(runs), 2))]
     pushes = [0.02 * rng.standard_normal((2, len(run.u))) for run in runs]
-    day, nowhere = Together(runs), np.zeros(len(runs))
+    day, nowhere = RunBatch(runs), np.zeros(len(runs))
     single = [day.residual([v], nowhere, i, i + 1, [pushes[i]]) for i, v in enumerate(drives)]
     assert np.array_equal(day.residual(drives, nowhere, pushes=pushes), np.concatenate(single))
 
 
 def test_so_do_positions(runs):
     values = {**RIG, "coupling_backlash.g": 0.5}
-    same(Together([replace(run, positions=True) for run in runs]), values)
+    same(RunBatch([replace(run, positions=True) for run in runs]), values)
 
 
 def test_what_runs_away_disturbs_no_other_lane(runs):
     values = {**RIG, "hardening_spring.k3": -2.0}
-    same(Together(runs), values)
+    same(RunBatch(runs), values)
