@@ -43,8 +43,8 @@ for _ in range(800):
 print(f"mean return over the handout's trajectory after {steps} steps: {total:.0f}")
 
 # the same policy as a controller on the rig, against designs
-rivals = {entry.name: entry for entry in entries(DEFAULT_DRIVE, ("p_x2", "lab4"))[0]}
+others = {entry.name: entry for entry in entries(DEFAULT_DRIVE, ("p_x2", "lab4"))[0]}
 mine = {"mine": controller_of(model, test)}
 print(
-    compare(DEFAULT_DRIVE, mine | rivals, draws=0, effects=False, references=(), empirical=False, backend="sequential")
+    compare(DEFAULT_DRIVE, mine | others, draws=0, effects=False, references=(), empirical=False, backend="sequential")
 )
