@@ -2,13 +2,12 @@
 
 A draw is a simulation of the present model under everything that is nobody's missing physics: unknown forces of the estimated
 intensities, friction and a track that differ from run to run, and encoder counts. It goes through the drive's own step,
-so what noise
-does to dry friction is in the draws: it dithers the reversals, for the mean of a non-linear drive is not the drive of
-the mean. Every candidate's gain is computed in every draw as it is in the data. Each name is judged by the tail of its own
+so what noise does to dry friction is in the draws: it dithers the reversals, for the mean of a non-linear drive is not the drive
+of the mean. Every candidate's gain is computed in every draw as it is in the data. Each name is judged by the tail of its own
 draws, for a candidate that acts near reversals, or like a slope of the track, gains more in data that lack nothing, and in a
-few of them much more; the rarest gain of the catalogue gives the p-value (P. H. Westfall, S. S. Young, Resampling-Based Multiple
-Testing, 1993: minimum of p-values). Draws end early where so many have done better that the answer is
-certain (J. Besag, P. Clifford, Sequential Monte Carlo p-values, Biometrika 78, 1991).
+few of them much more: the index of a tail is Hill's (B. M. Hill, Ann. Statist. 3, 1975). The rarest gain of the catalogue gives
+the p-value (P. H. Westfall, S. S. Young, Resampling-Based Multiple Testing, 1993: minimum of p-values). Draws end early where
+so many have done better that the answer is certain (J. Besag, P. Clifford, Sequential Monte Carlo p-values, Biometrika 78, 1991).
 """
 
 from __future__ import annotations
@@ -26,12 +25,12 @@ from identification.mismatch.linear import Linear
 from identification.mismatch.noise import Noise, scattered
 from identification.mismatch.nuisance import Direction, drawn, moving
 
-# quantiles that tell the tail of a name's gains: between them, and beyond, the share of draws with a larger gain is a power of it
-_TAIL = (0.9, 0.99)
+# one draw in ten tells the tail of a name's gains: beyond it, the share of draws with a larger gain is a power of it
+_OFTEN = 0.9
 # least gain that is in a tail: half of what is strong evidence (R. Kass, A. Raftery, Bayes factors, 1995)
 _LEAST = 1.5
-# least ratio of the two quantiles: that of an exponential distribution
-_LIGHTEST = 2.0
+# index of the tail before any draw, that of half a chi-squared of one degree of freedom beyond 1.5, and the draws it counts for
+_INDEX, _COUNTS = 0.4, 8
 # draws made at a time, and the first of them, which tell the weights
 _CHUNK, _FIRST = 60, 120
 # draws simulated by one thread at a time
@@ -47,7 +46,7 @@ class Null:
     Attributes
     ----------
     tail
-        Every name's gain that one draw in ten exceeds, and the ratio to it of the gain that one in a hundred does.
+        Every name's gain that one draw in ten exceeds, and the index of the power law beyond it.
     largest : ndarray, shape (draws,)
         Largest score of any name.
     """
@@ -60,24 +59,25 @@ class Null:
         """Return the distribution from every name's gains over the draws."""
         tail = {}
         for name, g in gain.items():
-            often, rarely = np.maximum(np.quantile(g, _TAIL), _LEAST)
-            tail[name] = float(often), max(float(rarely / often), _LIGHTEST)
+            often = max(float(np.quantile(g, _OFTEN)), _LEAST)
+            more = np.log(g[g > often] / often)
+            tail[name] = often, float((more.sum() + _COUNTS * _INDEX) / (len(more) + _COUNTS))
         return cls(tail, np.max([_score(g, *tail[n]) for n, g in gain.items()], axis=0))
 
     def score(self, name: Name, gain: float) -> float:
         """Return how rare a gain is under a name's own null distribution: decades beyond one draw in ten, negative below."""
-        often, ratio = self.tail.get(name) or np.median(list(self.tail.values()), axis=0)
-        return float(_score(np.array(gain), float(often), float(ratio)))
+        often, index = self.tail.get(name) or np.median(list(self.tail.values()), axis=0)
+        return float(_score(np.array(gain), float(often), float(index)))
 
     def p_value(self, name: Name, gain: float) -> float:
         """Return how often the best of the catalogue gains as much where nothing is left out."""
         return float((1 + np.sum(self.largest >= self.score(name, gain))) / (len(self.largest) + 1))
 
 
-def _score(gain: FloatArray, often: float, ratio: float) -> FloatArray:
+def _score(gain: FloatArray, often: float, index: float) -> FloatArray:
     """Return the decades by which a gain is rarer than the one of one draw in ten; below that, the share of it over one."""
     relative = gain / often
-    return np.where(relative > 1.0, np.log(np.maximum(relative, 1.0)) / np.log(ratio), relative - 1.0)
+    return np.where(relative > 1.0, np.log10(np.maximum(relative, 1.0)) / index, relative - 1.0)
 
 
 def first_draws(

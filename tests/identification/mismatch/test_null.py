@@ -11,8 +11,8 @@ from tests.identification.mismatch.lab import bench_of, data_set
 
 def test_p_value_is_the_share_of_draws_whose_largest_score_is_larger():
     name = ("stribeck", "cart_1")
-    # one draw in ten gains 2, one in a hundred 20: 200 is two decades beyond the first
-    null = Null({name: (2.0, 10.0)}, np.arange(99.0))
+    # one draw in ten gains 2, one in a hundred 20, as the index 1 has it: 200 is two decades beyond the first
+    null = Null({name: (2.0, 1.0)}, np.arange(99.0))
     assert null.score(name, 200.0) == pytest.approx(2.0)
     assert null.score(name, 1.0) == -0.5
     # 97 of 99 draws reach a score of 2
@@ -35,6 +35,14 @@ def test_a_name_with_a_heavy_tail_does_not_set_the_level_of_the_others():
     # some draws of the heavy one gain hundreds
     assert null.p_value(usual, 60.0) < 0.01
     assert null.p_value(heavy, 60.0) > 0.05
+
+
+def test_the_index_of_a_tail_comes_from_every_draw_in_it():
+    """Hill's estimate is that of a Pareto tail; few draws hardly move it from what half a chi-squared has."""
+    rng = np.random.default_rng(3)
+    name = ("tilt", "guide")
+    assert Null.of({name: 2.0 * (rng.pareto(1.0, 4000) + 1.0)}).tail[name][1] == pytest.approx(1.0, abs=0.1)
+    assert Null.of({name: np.zeros(120)}).tail[name] == (1.5, pytest.approx(0.4))
 
 
 def test_p_values_of_data_in_which_nothing_is_left_out_are_uniform():
