@@ -29,7 +29,7 @@ from flexdrive_gym import Recording
 from flexdrive_gym.files import write_atomically
 from flexdrive_gym.recording import FloatArray
 from identification import diagnose, read_recordings
-from identification.mismatch.bench import Values, free
+from identification.mismatch.fitting.bench import Values, free
 from identification.plots.style import new_figure, save_png
 from identification.replay.output_error import prepare, simulate_run
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from baselines.real_rigs.entries import RIGS
 from identification import diagnose
-from identification.mismatch.verdict import Diagnosis
+from identification.mismatch.answer.verdict import Diagnosis
 from identification.recordings import RecordingSet
 
 DATA = Path(__file__).parents[2] / "shared" / "recordings"

@@ -9,7 +9,7 @@ from pathlib import Path
 from baselines.lab.sample import FOLDER
 from baselines.report import words
 from identification import Diagnosis, diagnose
-from identification.mismatch.remaining import remaining, replay
+from identification.mismatch.answer.remaining import remaining, replay
 from identification.plots import plot_before_after, plot_telling_map
 from identification.plots.style import save_png
 

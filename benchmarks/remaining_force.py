@@ -19,8 +19,8 @@ from flexdrive_gym import Recording
 from identification import identify, read_recordings
 from identification.floor import by_phase, period_samples, replicates, smoothed, spread
 from identification.likelihood import usable
-from identification.mismatch.maps import UNITS, Map, draw_maps
-from identification.mismatch.missing_force import missing_force
+from identification.mismatch.force.maps import UNITS, Map, draw_maps
+from identification.mismatch.force.missing_force import missing_force
 from identification.plots.style import CART, new_figure, save_png
 from identification.replay.output_error import prepare, simulate_run
 from identification.signals import motions

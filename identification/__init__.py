@@ -3,8 +3,8 @@
 from identification.diagnosis_file import load_diagnosis
 from identification.likelihood import MaximumLikelihood, identify_by_likelihood
 from identification.methods import Identification, identify
+from identification.mismatch.answer.verdict import Diagnosis
 from identification.mismatch.diagnose import diagnose
-from identification.mismatch.verdict import Diagnosis
 from identification.readiness import Check, check
 from identification.recordings import RecordingError, read_recordings, write_recording, write_rig
 from identification.validation import Validation, validate

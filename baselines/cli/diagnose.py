@@ -17,8 +17,8 @@ from baselines.cli._results import Force, interrupted_says, result_folder
 
 if TYPE_CHECKING:
     from flexdrive_gym import Recording
-    from identification.mismatch.suggest import Suggestion
-    from identification.mismatch.verdict import Diagnosis
+    from identification.mismatch.answer.suggest import Suggestion
+    from identification.mismatch.answer.verdict import Diagnosis
 
 
 # nothing of a search is worth keeping before its validation
@@ -117,7 +117,7 @@ def write_diagnosis(
     from flexdrive_gym import save_drive  # noqa: PLC0415
     from flexdrive_gym.files import write_together  # noqa: PLC0415
     from identification import diagnose as run  # noqa: PLC0415
-    from identification.mismatch.suggest import suggest_experiments, write_suggestions  # noqa: PLC0415
+    from identification.mismatch.answer.suggest import suggest_experiments, write_suggestions  # noqa: PLC0415
 
     require_enough(runs)
     found = run(runs, seed=seed, jobs=jobs, alpha=alpha, say=tell)

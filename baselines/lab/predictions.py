@@ -9,7 +9,7 @@ from baselines.lab.uncertainty import DRAWS, Predicted, predict
 from baselines.loop_analysis.stability_limit import ObservedLimit, observed_limit
 from flexdrive_gym import Recording
 from flexdrive_gym.units import Units
-from identification.mismatch.verdict import Diagnosis, Interval, Prediction
+from identification.mismatch.answer.verdict import Diagnosis, Interval, Prediction
 
 # what the lab's own P-control runs answer
 ANSWERED = "critical_gain_x2_trajectory"

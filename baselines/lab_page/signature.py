@@ -1,7 +1,8 @@
 """What an effect does: the force that the drive without it would miss, against velocity, deflection, command and place.
 
-A run of the drive with the effect is taken for a measurement, and :func:`identification.mismatch.missing_force.missing_force`
-estimates from its encoders what would have to be added to the drive without it, as the diagnosis does with recordings.
+A run of the drive with the effect is taken for a measurement, and
+:func:`identification.mismatch.force.missing_force.missing_force` estimates from its encoders what would have to be added to the
+drive without it, as the diagnosis does with recordings.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from baselines.report.words import effect_name
 from flexdrive_gym import Drive
 from flexdrive_gym.drive.effects import EFFECTS, LAYOUT, Effect
 from flexdrive_gym.references import sine
-from identification.mismatch.missing_force import missing_force
+from identification.mismatch.force.missing_force import missing_force
 
 _DURATION_S = 8.0
 # what every drive has, and what the rig's own settings already hold

@@ -20,7 +20,7 @@ from scipy.optimize import least_squares
 from baselines.public_data.benchmark import Benchmark
 from flexdrive_gym.recording import FloatArray, Recording
 from identification.initial_state import with_start
-from identification.mismatch.fit import Coordinates, resolved
+from identification.mismatch.fitting.fit import Coordinates, resolved
 from identification.replay.output_error import Run, prepare_measured, simulate_run
 
 Values = Mapping[str, float]

@@ -13,7 +13,7 @@ from baselines.report.page import render
 from baselines.report.words import verdict_sentences
 from flexdrive_gym import Recording, __version__
 from identification.likelihood import improvement
-from identification.mismatch.verdict import Diagnosis
+from identification.mismatch.answer.verdict import Diagnosis
 from identification.quantities import HANDOUT_RATIOS
 
 __all__ = ["STEPS", "build_report"]

@@ -13,9 +13,9 @@ from baselines.report import words
 from baselines.report.fault_table import add_faults
 from baselines.report.page import Section, render
 from flexdrive_gym import __version__
-from identification.mismatch.remaining import Remaining, remaining
-from identification.mismatch.suggest import Suggestion
-from identification.mismatch.verdict import Diagnosis
+from identification.mismatch.answer.remaining import Remaining, remaining
+from identification.mismatch.answer.suggest import Suggestion
+from identification.mismatch.answer.verdict import Diagnosis
 from identification.recordings.faults import gathered
 
 _MOST_FAULTS = 6

@@ -11,8 +11,8 @@ from baselines.report import words
 from baselines.report.fault_table import shaded
 from baselines.report.page import Section
 from flexdrive_gym import Drive, Recording
-from identification.mismatch.remaining import Remaining, replay
-from identification.mismatch.verdict import Diagnosis, RecordingFit
+from identification.mismatch.answer.remaining import Remaining, replay
+from identification.mismatch.answer.verdict import Diagnosis, RecordingFit
 from identification.reversals import Reversal, mean_reversal
 
 # amplitudes whose reversals are drawn

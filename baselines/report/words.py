@@ -8,9 +8,9 @@ from collections.abc import Iterable
 
 from baselines.lab.prediction_names import prediction_name
 from flexdrive_gym.drive.effects import EFFECTS
+from identification.mismatch.answer.finding import Finding
+from identification.mismatch.answer.verdict import Diagnosis, Interval, Prediction, RecordingFit
 from identification.mismatch.candidates.free import followed
-from identification.mismatch.finding import Finding
-from identification.mismatch.verdict import Diagnosis, Interval, Prediction, RecordingFit
 from identification.quantities import HANDOUT_RATIOS
 
 _GREEK = {"alpha": "α = m2/m1", "beta": "β = b2/b1", "gamma": "γ = d2/d1"}

@@ -17,26 +17,26 @@ from threadpoolctl import threadpool_limits
 
 from flexdrive_gym import Drive, Provenance, Recording, __version__
 from flexdrive_gym.drive.parameters import checked
-from identification.mismatch.baseline import fit_tied, ratios
-from identification.mismatch.bench import Bench
+from identification.mismatch.answer.baseline import fit_tied, ratios
+from identification.mismatch.answer.covariance import uncertainty
+from identification.mismatch.answer.errors import loop_fits, recording_fits, total, velocity_rms
+from identification.mismatch.answer.finding import Estimate, Finding, Named, Unnamed, experiment_for, short, unit_of
+from identification.mismatch.answer.homogeneity import Homogeneity, homogeneity
+from identification.mismatch.answer.notes import notes_of
+from identification.mismatch.answer.unnamed import share_of, unnamed
+from identification.mismatch.answer.verdict import Diagnosis, RecordingFit, Verdict, in_units
 from identification.mismatch.candidates.catalogue import Candidate
 from identification.mismatch.candidates.phases import Phase
-from identification.mismatch.covariance import uncertainty
-from identification.mismatch.errors import loop_fits, recording_fits, total, velocity_rms
-from identification.mismatch.finding import Estimate, Finding, Named, Unnamed, experiment_for, short, unit_of
-from identification.mismatch.fit import Fit, fit
-from identification.mismatch.homogeneity import Homogeneity, homogeneity
-from identification.mismatch.levels import output_error, share_of_error
-from identification.mismatch.maps import draw_maps, harmonics, located
-from identification.mismatch.missing_force import missing_force
-from identification.mismatch.notes import notes_of
-from identification.mismatch.optima import without
-from identification.mismatch.ranking import Round, Scored, dispensable
-from identification.mismatch.select import Selection, Selector
+from identification.mismatch.fitting.bench import Bench
+from identification.mismatch.fitting.fit import Fit, fit
+from identification.mismatch.force.maps import draw_maps, harmonics, located
+from identification.mismatch.force.missing_force import missing_force
+from identification.mismatch.selection.levels import output_error, share_of_error
+from identification.mismatch.selection.optima import without
+from identification.mismatch.selection.ranking import Round, Scored, dispensable
+from identification.mismatch.selection.selector import Selection, Selector
 from identification.mismatch.settings import Settings
 from identification.mismatch.split import Split, split_recordings
-from identification.mismatch.unnamed import share_of, unnamed
-from identification.mismatch.verdict import Diagnosis, RecordingFit, Verdict, in_units
 from identification.recordings import RecordingSet, Rig
 from identification.recordings.given import Source, given
 from identification.run_to_run import friction_run_to_run, recorded_range

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from identification.mismatch.maps import UNITS, variables
+from identification.mismatch.force.maps import UNITS, variables
 from identification.plots import style
 from identification.plots.style import legend_above, moving_mean, new_figure, shade_faults, styled
 from identification.signals import velocities
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
     from flexdrive_gym import Recording
     from flexdrive_gym.recording import BoolArray, FloatArray
-    from identification.mismatch.finding import Curve
-    from identification.mismatch.maps import Map
-    from identification.mismatch.missing_force import MissingForce
+    from identification.mismatch.answer.finding import Curve
+    from identification.mismatch.force.maps import Map
+    from identification.mismatch.force.missing_force import MissingForce
 
 _BEFORE = "#a4541c"
 _AFTER = "#1f5a99"

@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from flexdrive_gym.recording import BoolArray, FloatArray
-from identification.mismatch.bench import Bench
-from identification.mismatch.score import leave_one_out_variance
+from identification.mismatch.fitting.bench import Bench
+from identification.mismatch.fitting.score import leave_one_out_variance
 
 # slower than this a force is friction that wanders; faster than this encoders hardly see it [Hz]
 _LOWEST, _HIGHEST = 0.7, 25.0

@@ -6,7 +6,7 @@ import pytest
 from baselines.lab.predictions import predictions
 from baselines.lab.uncertainty import settled_error
 from flexdrive_gym import Covariance, Drive
-from identification.mismatch.finding import Finding
+from identification.mismatch.answer.finding import Finding
 from tests.drive.drives import FRICTIONLESS, RIG
 from tests.identification.mismatch.lab import diagnosis
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from flexdrive_gym import Drive, Excitation, Recording
-from identification.mismatch.bench import Bench
+from identification.mismatch.answer.verdict import Diagnosis, RecordingFit
+from identification.mismatch.fitting.bench import Bench
 from identification.mismatch.settings import Settings
 from identification.mismatch.split import Split
-from identification.mismatch.verdict import Diagnosis, RecordingFit
 from identification.quantities import HANDOUT_RATIOS, Quantity
 from identification.replay.output_error import prepare, simulate_run
 from tests.drive.drives import RIG

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from identification.mismatch.diagnose import diagnose
-from identification.mismatch.fit import fit
-from identification.mismatch.select import Selector
+from identification.mismatch.fitting.fit import fit
+from identification.mismatch.selection.selector import Selector
 from identification.recordings import RecordingSet, Rig
 from tests.identification.mismatch.lab import QUICK, data_set
 

@@ -1,0 +1,49 @@
+"""What gains like an effect and has no name: a free function, its shape, and the names nearest to it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identification.mismatch.answer.finding import Curve, Unnamed
+from identification.mismatch.candidates.free import FOLLOWS, Shape
+from identification.mismatch.candidates.narrow_band import Line
+from identification.mismatch.fitting.bench import Bench
+from identification.mismatch.fitting.score import Normal
+from identification.mismatch.selection.ranking import Round, Scored
+from identification.mismatch.selection.selector import Selection
+
+_NEAREST = 3
+
+
+def share_of(scored: Scored, step: Round) -> float:
+    """Return the share of the whitened square left before a round that a candidate explains."""
+    return float(min(1.0, 2.0 * scored.total / max(float(step.base.normal.square.sum()), 1e-300)))
+
+
+def unnamed(bench: Bench, selection: Selection) -> Unnamed | None:
+    """Return what was accepted last if it has no name."""
+    last = selection.rounds[-1]
+    shape = last.best.candidate
+    if not last.accepted or not isinstance(shape, Shape | Line):
+        return None
+    near = [s for s in last.scored[1:] if not isinstance(s.candidate, Shape | Line) and s.total > 0.0]
+    nearest = tuple((s.name[0], float(min(1.0, s.total / last.best.total))) for s in near[:_NEAREST])
+    share = share_of(last.best, last)
+    if isinstance(shape, Line):
+        return Unnamed(shape.where, share, f"of {shape.frequency:.3g} Hz that the command does not make", nearest)
+    follows, _ = FOLLOWS.get(shape.variable, (shape.variable, ""))
+    return Unnamed(shape.where, share, f"as a function of {follows}", nearest, _curve(bench, last, shape))
+
+
+def _curve(bench: Bench, last: Round, shape: Shape) -> Curve:
+    """Return the force at every knot, with the standard error of the jackknife."""
+    base, noise = last.base, last.noise
+    pushed = bench.pushed(base.values, shape.forces, shape.size)
+    white = noise.white(np.column_stack([base.jacobian[:, base.interior], *pushed]))
+    n = Normal.of(bench.products(np.column_stack([white, noise.white(base.residual)])))
+    knots, damping = slice(white.shape[1] - len(shape.at), None), bench.settings.damping
+    own = n.steps(damping)[:, knots]
+    U = len(own)
+    band = np.sqrt((U - 1.0) / U * np.sum((own - own.mean(axis=0)) ** 2, axis=0))
+    follows, unit = FOLLOWS.get(shape.variable, (shape.variable, ""))
+    return Curve(follows, unit, shape.at, n.solve(damping)[knots], band)

@@ -1,0 +1,1 @@
+"""What is nobody's missing physics: unknown forces, encoder counts, and what differs from run to run."""

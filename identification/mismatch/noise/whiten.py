@@ -1,0 +1,280 @@
+r"""Innovations of a drive that unknown forces disturb: residuals of a free simulation, whitened.
+
+Around the simulation the carts' deviations obey the linear drive, driven by forces that nobody knows: white ones of intensity
+:math:`q_c` and slow ones, :math:`\tau \dot f_c = -f_c + \sqrt{2\tau}\, s_c w_c`. With the state
+:math:`z = (x_1, v_1, x_2, v_2, f_1, f_2, o_1, o_2)` and an encoder that errs by its rounding,
+
+.. math:: z_{b+1} = A z_b + w_b, \qquad y_{cb} = x_c + o_c + n_{cb}, \qquad \operatorname{cov} w_b = Q, \quad
+\operatorname{var} n = \rho,
+
+the innovations of the Kalman filter over their standard deviations are white with variance one, and their squares with the
+logarithms of those variances are the likelihood (R. K. Mehra 1970; L. Ljung, System Identification, 1999, ch. 7). Where forces
+are large against the rounding this is the equation error, where they are small the output error. The filter is linear,
+so the same filter turns sensitivities into regressors.
+
+A cart at rest is held by friction, whatever pulls: its velocity then ends within milliseconds, and neither spring nor
+forces act on it.
+Velocities are summed to positions first: their error is a difference of roundings, and the sum of it white. What was lost is an
+unknown offset o of the reading afterwards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.linalg import expm
+
+from flexdrive_gym.drive.compilation import inlined, kernel
+from flexdrive_gym.recording import BoolArray, FloatArray
+from identification.mismatch.fitting.experiments import IntArray
+
+STATES = 8
+# time in which a deviation of a cart at rest ends [s]
+_STOPS_S = 0.005
+# decays per step beyond which a drive is no stiffer
+_STIFF = 20.0
+# relative change of a variance per block below which a filter repeats itself
+_SETTLED = 1e-7
+# variance of a position that nothing is known of, in variances of its rounding
+_UNKNOWN = 1e8
+
+
+def transitions(
+    values: Mapping[str, float], h: float, q: FloatArray, s: FloatArray, tau: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return A and Q over a step for every mode: both carts moving, cart 1 at rest, cart 2 at rest, both, shape (4, 8, 8).
+
+    Parameters
+    ----------
+    values
+        Masses, dampers and spring; one cart where there is no ``m2``.
+    h
+        Step [s].
+    q, s : ndarray, shape (2,)
+        Intensity of white forces [V √s], and standard deviation of slow ones [V].
+    tau
+        Their correlation time [s].
+    """
+    found = [_transition(values, h, q, s, tau, (bool(mode & 1), bool(mode & 2))) for mode in range(4)]
+    return np.array([A for A, _ in found]), np.array([Q for _, Q in found])
+
+
+def _transition(
+    values: Mapping[str, float], h: float, q: FloatArray, s: FloatArray, tau: float, rests: tuple[bool, bool]
+) -> tuple[FloatArray, FloatArray]:
+    b1, b2, k = (values.get(name, 0.0) for name in ("b1", "b2", "k"))
+    # an exponential has a largest number, and a velocity that decays in a twentieth of a step is as good as gone
+    m1 = max(values["m1"], b1 * h / _STIFF)
+    m2 = max(values.get("m2", m1), b2 * h / _STIFF)
+    F, L = np.zeros((STATES, STATES)), np.zeros((STATES, STATES))
+    F[0, 1] = F[2, 3] = 1.0
+    F[1, :6] = [-k / m1, -b1 / m1, k / m1, 0.0, 1.0 / m1, 0.0]
+    F[3, :6] = [k / m2, 0.0, -k / m2, -b2 / m2, 0.0, 1.0 / m2]
+    L[1, 1], L[3, 3] = (q[0] / m1) ** 2, (q[1] / m2) ** 2
+    L[4, 4], L[5, 5] = 2.0 * s**2 / tau
+    for c in range(2):
+        if rests[c]:
+            # friction holds it, whatever pulls
+            F[1 + 2 * c] = 0.0
+            F[1 + 2 * c, 1 + 2 * c] = -1.0 / _STOPS_S
+    F[4, 4] = F[5, 5] = -1.0 / tau
+    # C. F. Van Loan, Computing integrals involving the matrix exponential, 1978
+    both = np.block([[-F, L], [np.zeros_like(F), F.T]])
+    E = expm(both * h)
+    A = E[STATES:, STATES:].T
+    Q = A @ E[:STATES, STATES:]
+    return A, 0.5 * (Q + Q.T)
+
+
+@inlined
+def _carried(A: Any, x: Any, out: Any) -> None:
+    """Write A x, shape (8, columns)."""
+    for i in range(STATES):
+        for j in range(x.shape[1]):
+            out[i, j] = 0.0
+        for k in range(STATES):
+            a = A[i, k]
+            # half of a transition is zero, and columns lie side by side
+            if a != 0.0:
+                for j in range(x.shape[1]):
+                    out[i, j] += a * x[k, j]
+
+
+@kernel
+def _riccati(As: Any, Qs: Any, mode: Any, P: Any, rounding: Any, valid: Any, gain: Any, variance: Any) -> None:
+    """Write the filter's gains, shape (blocks, carts, 8), and the innovations' variances, shape (carts, blocks).
+
+    ``P``, the covariance at the start, is used up.
+    """
+    carts, blocks = valid.shape
+    room, turned = np.zeros((STATES, STATES)), np.zeros((STATES, STATES))
+    shown, before = np.zeros(STATES), np.zeros(STATES)
+    settled = False
+    for b in range(blocks):
+        same = b > 0 and mode[b] == mode[b - 1]
+        for c in range(carts):
+            same = same and valid[c, b] == valid[c, b - 1]
+            if b > 0 and valid[c, b] and not valid[c, b - 1]:
+                P[6 + c, 6 + c] += _UNKNOWN * rounding[c]
+        if settled and same:
+            gain[b], variance[:, b] = gain[b - 1], variance[:, b - 1]
+            continue
+        settled = False
+        A, Q = As[mode[b]], Qs[mode[b]]
+        # A P Aᵀ = A (A P)ᵀ, for P is symmetric
+        _carried(A, P, room)
+        for i in range(STATES):
+            for k in range(STATES):
+                turned[i, k] = room[k, i]
+        _carried(A, turned, P)
+        P += Q
+        for c in range(carts):
+            if not valid[c, b]:
+                continue
+            row = 2 * c
+            for i in range(STATES):
+                shown[i] = P[row, i] + P[6 + c, i]
+            variance[c, b] = shown[row] + shown[6 + c] + rounding[c]
+            for i in range(STATES):
+                gain[b, c, i] = shown[i] / variance[c, b]
+                for k in range(STATES):
+                    P[i, k] -= gain[b, c, i] * shown[k]
+            # Joseph's form stays positive where forces are large and a reading has hardly any error
+            for i in range(STATES):
+                shown[i] = P[i, row] + P[i, 6 + c]
+            for i in range(STATES):
+                for k in range(STATES):
+                    P[i, k] += (rounding[c] * gain[b, c, i] - shown[i]) * gain[b, c, k]
+        # at rest the gain stays while unknown forces grow: only a covariance that a moving drive repeats has settled
+        if same and mode[b] == 0:
+            settled = True
+            for i in range(STATES):
+                settled = settled and abs(P[i, i] - before[i]) <= _SETTLED * P[i, i]
+        for i in range(STATES):
+            before[i] = P[i, i]
+
+
+@kernel
+def _innovations(As: Any, mode: Any, gain: Any, scale: Any, x: Any, valid: Any, step: float, out: Any) -> None:
+    """Write whitened rows, shape (carts, blocks, columns); ``step`` sums rows to positions first, 0 where they are positions."""
+    carts, blocks, columns = x.shape
+    z, moved = np.zeros((STATES, columns)), np.zeros((STATES, columns))
+    summed, error = np.zeros((carts, columns)), np.zeros(columns)
+    for b in range(blocks):
+        _carried(As[mode[b]], z, moved)
+        for c in range(carts):
+            if not valid[c, b]:
+                for j in range(columns):
+                    out[c, b, j] = 0.0
+                continue
+            for j in range(columns):
+                summed[c, j] = summed[c, j] + step * x[c, b, j] if step > 0.0 else x[c, b, j]
+                error[j] = summed[c, j] - moved[2 * c, j] - moved[6 + c, j]
+                out[c, b, j] = error[j] * scale[c, b]
+            for i in range(STATES):
+                own = gain[b, c, i]
+                for j in range(columns):
+                    moved[i, j] += own * error[j]
+        z, moved = moved, z
+
+
+@kernel
+def _innovations_of_one(As: Any, mode: Any, gain: Any, scale: Any, x: Any, valid: Any, step: float, out: Any) -> None:
+    """Do what :func:`_innovations` does for a single column, shape (carts, blocks): side by side lie the states.
+
+    ``As`` are transposed.
+    """
+    carts, blocks = x.shape
+    z, moved, summed = np.zeros(STATES), np.zeros(STATES), np.zeros(carts)
+    for b in range(blocks):
+        A = As[mode[b]]
+        for i in range(STATES):
+            moved[i] = 0.0
+        for k in range(STATES):
+            for i in range(STATES):
+                moved[i] += A[k, i] * z[k]
+        for c in range(carts):
+            if not valid[c, b]:
+                out[c, b] = 0.0
+                continue
+            summed[c] = summed[c] + step * x[c, b] if step > 0.0 else x[c, b]
+            error = summed[c] - moved[2 * c] - moved[6 + c]
+            out[c, b] = error * scale[c, b]
+            for i in range(STATES):
+                moved[i] += gain[b, c, i] * error
+        z, moved = moved, z
+
+
+@dataclass(frozen=True, eq=False)
+class Filter:
+    """Kalman filter of one recording, whose gains do not depend on what it filters.
+
+    Attributes
+    ----------
+    A : ndarray, shape (4, 8, 8)
+        Transition in every mode.
+    mode : ndarray of int, shape (blocks,)
+        Which carts rest.
+    gain : ndarray, shape (blocks, carts, 8)
+    variance : ndarray, shape (carts, blocks)
+        Of the innovations; 1 where there is no reading.
+    valid : ndarray of bool, shape (carts, blocks)
+    step
+        Time between velocities, which are summed to positions first [s]; 0 for positions.
+    """
+
+    A: FloatArray
+    mode: IntArray
+    gain: FloatArray
+    variance: FloatArray
+    valid: BoolArray
+    step: float
+
+    @classmethod
+    def of(
+        cls,
+        A: FloatArray,
+        Q: FloatArray,
+        mode: IntArray,
+        start: FloatArray,
+        rounding: FloatArray,
+        valid: BoolArray,
+        step: float = 0.0,
+    ) -> Filter:
+        """Return the filter of a recording.
+
+        Parameters
+        ----------
+        A, Q : ndarray, shape (4, 8, 8)
+            Of every mode.
+        start : ndarray, shape (8,)
+            Variances of the state at the start.
+        rounding : ndarray, shape (carts,)
+            Variance of a position reading [mm²].
+        """
+        carts, blocks = valid.shape
+        gain, variance = np.zeros((blocks, carts, STATES)), np.ones((carts, blocks))
+        _riccati(A, Q, mode, np.diag(start), rounding, valid, gain, variance)
+        return cls(A, mode, gain, variance, valid, step)
+
+    @property
+    def logarithm(self) -> float:
+        """Return the sum of the logarithms of the innovations' variances of moving carts."""
+        carts = len(self.valid)
+        moving = self.valid & ((self.mode >> np.arange(carts)[:, None]) & 1 == 0)
+        return float(np.log(self.variance[moving]).sum())
+
+    def white(self, rows: FloatArray) -> FloatArray:
+        """Return whitened rows, shape (carts, blocks, columns)."""
+        scale = 1.0 / np.sqrt(self.variance)
+        if rows.shape[2] == 1:
+            turned, one = np.ascontiguousarray(self.A.transpose(0, 2, 1)), np.ascontiguousarray(rows[..., 0])
+            out = np.empty(one.shape)
+            _innovations_of_one(turned, self.mode, self.gain, scale, one, self.valid, self.step, out)
+            return out[..., None]
+        out = np.empty(rows.shape)
+        _innovations(self.A, self.mode, self.gain, scale, np.ascontiguousarray(rows), self.valid, self.step, out)
+        return out

@@ -1,0 +1,83 @@
+"""Output error: rows weighted by the level of error of their recording and cart, which judge long horizons.
+
+Names are selected by prediction errors, which tell laws apart within milliseconds. A drive that lacks something predicts well
+with friction that simulates badly, so the drives that a diagnosis reports, and predicts from, are fitted once more by output
+error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexdrive_gym.recording import FloatArray
+from identification.mismatch.candidates.catalogue import Candidate
+from identification.mismatch.fitting.bench import Bench
+from identification.mismatch.fitting.fit import Fit, fit
+from identification.mismatch.selection.optima import without
+
+# of weights: errors that levels are taken from are those of a fit with the levels before
+_ROUNDS = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Levels:
+    """A metric for :func:`~identification.mismatch.fitting.fit.fit`.
+
+    Attributes
+    ----------
+    weights : ndarray, shape (N,)
+        Inverse levels; 0 where no sample is valid.
+    """
+
+    weights: FloatArray
+
+    @classmethod
+    def of(cls, bench: Bench, *raw: FloatArray) -> Levels:
+        """Return the lowest levels that any of several residuals shows, never below what encoder counts make.
+
+        A recording that a model describes badly counts for it as much as for one that describes it better.
+        """
+        weights = np.zeros(len(bench.valid))
+        for piece, floor in zip(bench.pieces, bench.floor, strict=True):
+            own = bench.valid[piece.rows]
+            lowest = min(float(np.mean(e[piece.rows][own] ** 2)) for e in raw) if own.any() else 1.0
+            variance = max(lowest, float(floor))
+            weights[piece.rows] = bench.valid[piece.rows] / np.sqrt(variance)
+        return cls(weights)
+
+    def white(self, x: FloatArray) -> FloatArray:
+        """Return weighted rows, shape (N,) or (N, k)."""
+        return np.asarray(x * (self.weights if x.ndim == 1 else self.weights[:, None]))
+
+
+def output_error(bench: Bench, near: Fit, *others: Fit) -> Fit:
+    """Return the optimum of the output error from another optimum of the same parameters.
+
+    Parameters
+    ----------
+    others
+        Models that it is to be held against: their levels count, too, and their parameters are another start.
+    """
+    best = near
+    for _ in range(_ROUNDS):
+        levels = Levels.of(bench, best.residual, *(o.residual for o in others))
+        starts = [best.values, *({**best.values, **o.values} for o in others)]
+        best = min((fit(bench, levels, start, near.names) for start in starts), key=lambda f: f.cost)
+    return best
+
+
+def share_of_error(candidate: Candidate, best: Fit) -> float:
+    """Return the share of the squared output error that an effect of a drive takes off, beside all others.
+
+    Milliseconds tell laws apart, and tell of what no simulation needs, too: ripples of a contact whose law is another.
+
+    Parameters
+    ----------
+    best
+        The drive with it, at the optimum of its own metric.
+    """
+    names = [n for n in best.names if n not in candidate.keys]
+    less = fit(best.bench, best.metric, without(candidate, best.values, names), names)
+    return 1.0 - best.cost / max(less.cost, 1e-300)

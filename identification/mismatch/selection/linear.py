@@ -1,0 +1,176 @@
+"""All candidates around the present simulation at once: whitened sensitivities, and the normal equations of any set of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import chain
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexdrive_gym.recording import FloatArray
+from identification.mismatch.candidates.catalogue import Candidate
+from identification.mismatch.candidates.free import Shape
+from identification.mismatch.candidates.phases import Phase, phases
+from identification.mismatch.fitting.bench import Bench
+from identification.mismatch.fitting.fit import Fit, resolved
+from identification.mismatch.fitting.score import Normal
+from identification.mismatch.noise.estimate import Noise
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """A candidate and its columns among all columns.
+
+    An effect whose phase differs from run to run has two, of which every recording takes its own share.
+    """
+
+    candidate: Candidate | Shape | Phase
+    columns: tuple[int, ...]
+
+    @property
+    def random(self) -> bool:
+        """Whether every recording has its own amplitudes."""
+        return isinstance(self.candidate, Phase)
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """Sensitivities of all candidates, whitened: the base model's columns first, then every candidate's.
+
+    Attributes
+    ----------
+    model
+        That they are taken around.
+    noise
+        That whitens them.
+    entries
+        Candidates that change the simulation.
+    changes : ndarray of float32, shape (N, M - p)
+        Raw sensitivities to the candidates, in single precision: there are hundreds.
+    white : ndarray, shape (N, M)
+        Whitened ones, the p of the base model first.
+    products : ndarray, shape (U, M, M)
+        Of whitened columns, per unit.
+    residual : ndarray, shape (N,)
+        Whitened.
+    """
+
+    model: Fit
+    noise: Noise
+    entries: tuple[Entry, ...]
+    changes: NDArray[np.float32]
+    white: FloatArray
+    products: FloatArray
+    residual: FloatArray
+
+    @classmethod
+    def of(cls, model: Fit, noise: Noise, changes: NDArray[np.float32], entries: Sequence[Entry]) -> Linear:
+        """Whiten columns and residual."""
+        bench, inner = model.bench, model.jacobian[:, model.interior]
+        white = noise.white(np.column_stack([inner.astype(changes.dtype), changes]), bench.pool.map)
+        return cls(model, noise, tuple(entries), changes, white, bench.products(white), noise.white(model.residual))
+
+    @property
+    def bench(self) -> Bench:
+        """The recordings."""
+        return self.model.bench
+
+    @property
+    def base(self) -> range:
+        """Columns of the base model."""
+        return range(self.white.shape[1] - self.changes.shape[1])
+
+    def moved(self, more: Sequence[int], step: FloatArray) -> FloatArray:
+        """Return the raw residual after a step of the base model's parameters and of some columns."""
+        model, p = self.model, len(self.base)
+        own = self.changes[:, [c - p for c in more]] @ step[p:]
+        return np.asarray(model.residual + model.jacobian[:, model.interior] @ step[:p] + own)
+
+    def gradient(self, residual: FloatArray) -> FloatArray:
+        """Return the products of all columns with whitened residuals per unit, shape (U, M, k), from shape (N, k)."""
+        found = np.zeros((len(self.products), self.white.shape[1], residual.shape[1]))
+        for rows, u in zip(self.bench.rows, self.bench.units, strict=True):
+            found[u] += self.white[rows].T @ residual[rows]
+        return found
+
+    def square(self, residual: FloatArray) -> FloatArray:
+        """Return the squares of whitened residuals per unit, shape (U, k)."""
+        found = np.zeros((len(self.products), residual.shape[1]))
+        for rows, u in zip(self.bench.rows, self.bench.units, strict=True):
+            found[u] += np.sum(residual[rows] ** 2, axis=0)
+        return found
+
+    def normal(self, gradient: FloatArray, square: FloatArray, more: Sequence[int] = ()) -> Normal:
+        """Return the normal equations of the base model with some columns.
+
+        Parameters
+        ----------
+        gradient, square : ndarray, shapes (U, M) and (U,)
+        """
+        use = [*self.base, *more]
+        return Normal(self.products[np.ix_(range(len(self.products)), use, use)], gradient[:, use], square)
+
+    def around(self, model: Fit, noise: Noise) -> Linear:
+        """Return the candidates' columns with another base model and other noise, near enough for them to stay what they are."""
+        if noise is self.noise and model is self.model:
+            return self
+        p, before = int(np.sum(model.interior)), len(self.base)
+        entries = tuple(Entry(e.candidate, tuple(c + p - before for c in e.columns)) for e in self.entries)
+        if noise is not self.noise:
+            return Linear.of(model, noise, self.changes, entries)
+        # the candidates' columns stay what they are
+        inner = noise.white(model.jacobian[:, model.interior])
+        white = np.column_stack([inner, self.white[:, before:]])
+        own = self.bench.products(inner, white)
+        products = np.empty((len(own), white.shape[1], white.shape[1]))
+        products[:, p:, p:] = self.products[:, before:, before:]
+        products[:, :p], products[:, :, :p] = own, own.transpose(0, 2, 1)
+        return Linear(model, noise, entries, self.changes, white, products, noise.white(model.residual))
+
+
+def linearise(
+    bench: Bench, noise: Noise, model: Fit, candidates: Sequence[Candidate], shapes: Sequence[Shape]
+) -> Linear:
+    """Return the sensitivities of all candidates around a model.
+
+    A candidate's columns are the change at its plainly present size over that size, for non-linear effects look different when
+    small; a shape's are those of its forces.
+    """
+    present = [c for c in candidates if not any(k in model.values for k, _ in c.sizes)]
+    drives = {}
+    for c in present:
+        for i in range(len(c.sizes)):
+            effect = c.one(i)
+            drives[tuple(sorted(effect.items()))] = ({**model.values, **effect}, c.sizes[i][1])
+    drives = {k: v for k, v in drives.items() if resolved(v[0])}
+    here = model.residual
+    found = {
+        k: ((moved - here) / size).astype(np.float32)
+        for (k, (_, size)), moved in zip(drives.items(), bench.residuals([v for v, _ in drives.values()]), strict=True)
+    }
+    columns: list[NDArray[np.float32]] = []
+    base = int(np.sum(model.interior))
+    entries = []
+    place: dict[object, int] = {}
+    for c in present:
+        keys = [tuple(sorted(c.one(i).items())) for i in range(len(c.sizes))]
+        if any(k not in found or not np.any(found[k]) for k in keys):
+            continue
+        for k in keys:
+            if k not in place:
+                place[k] = base + len(columns)
+                columns.append(found[k])
+        entries.append(Entry(c, tuple(place[k] for k in keys)))
+    names = {c.name for c in present}
+    free_ones: Iterable[tuple[Shape | Phase, Sequence[FloatArray]]] = chain(
+        ((s, bench.pushed(model.values, s.forces, s.size)) for s in shapes),
+        ((p, change) for p, change in phases(bench, model.values) if p.name in names),
+    )
+    for free, made in free_ones:
+        first = base + len(columns)
+        columns += [p.astype(np.float32) for p in made if np.any(p)]
+        if base + len(columns) > first:
+            entries.append(Entry(free, tuple(range(first, base + len(columns)))))
+    return Linear.of(model, noise, np.column_stack(columns), entries)

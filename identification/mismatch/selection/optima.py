@@ -1,0 +1,177 @@
+"""Optima of the base model and of candidates."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from identification.mismatch.candidates.catalogue import Candidate
+from identification.mismatch.fitting.bench import Bench, Values
+from identification.mismatch.fitting.fit import Fit, Metric, fit, gain_of, resolved
+from identification.mismatch.noise.estimate import Noise, first_noise
+from identification.mismatch.selection.evaluate import Name
+from identification.mismatch.selection.generous import WORTH
+from identification.mismatch.selection.ranking import Scored, tied
+from identification.mismatch.selection.start import base_starts
+from identification.topology import Topology
+
+# iterations of a first try from every start, and the share of a start's sizes that a second one has
+_TRY = 4
+_SMALL = 0.1
+
+
+def fit_base(bench: Bench, topology: Topology, known: Values) -> Fit:
+    """Fit the base model from every start there is."""
+    names = [*topology.free, *known]
+    starts = base_starts(bench, topology)
+    noise = first_noise(bench, starts[0])
+    tries = bench.pool.map(lambda values: fit(bench, noise, {**values, **known}, names, iterations=_TRY), starts)
+    best = sorted(tries, key=lambda f: f.cost)[:2]
+    return min((fit(bench, noise, f.values, f.names) for f in best), key=lambda f: f.cost)
+
+
+def far(base: Fit) -> bool:
+    """Whether the simulation is so far from the data that its own sensitivities may lead nowhere."""
+    bench = base.bench
+    errors = [
+        float(np.mean(base.residual[p.rows][bench.valid[p.rows]] ** 2))
+        for p in bench.pieces
+        if bench.valid[p.rows].any()
+    ]
+    seen = [s for p, s in zip(bench.pieces, bench.signal, strict=True) if bench.valid[p.rows].any()]
+    return bool(sum(errors) > bench.settings.far * sum(seen))
+
+
+def fit_candidates(
+    base: Fit, noise: Metric, jobs: Sequence[tuple[Candidate, Values]], *, enough: float = np.inf
+) -> dict[Name, tuple[Candidate, Fit]]:
+    """Fit candidates, each from all its starts that a simulation resolves.
+
+    Parameters
+    ----------
+    enough
+        Decrease of the cost by the candidate that is ahead from which on the others are left where a first try ended: noise that
+        is told without it is not what they are to be judged by.
+    """
+    bench = base.bench
+    best = _tried(base, noise, jobs)
+    if not far(base) and best:
+        white = noise.white(base.residual)
+        first = min(best, key=lambda n: best[n][1].cost)
+        best[first] = best[first][0], _at_optimum(noise, best[first][1])
+        if float(white @ white) - best[first][1].cost > enough:
+            return best
+    # those that are ahead, and those that the linear change puts first, however far their fits have to go
+    asked = list(dict.fromkeys(candidate.name for candidate, _ in jobs if candidate.name in best))
+    ahead = sorted(best, key=lambda n: best[n][1].cost)[: bench.settings.finished]
+    leading = list(dict.fromkeys([*ahead, *asked[: bench.settings.finished // 2]]))
+    return best | _ended(base, noise, {n: best[n] for n in leading})
+
+
+def _tried(base: Fit, noise: Metric, jobs: Sequence[tuple[Candidate, Values]]) -> dict[Name, tuple[Candidate, Fit]]:
+    """Return the best first try of every candidate."""
+    bench = base.bench
+    jobs = [job for job in jobs if resolved(job[1])]
+    white = noise.white(base.residual)
+    contained = float(white @ white)
+
+    def tried(job: tuple[Candidate, Values]) -> tuple[Candidate, Fit]:
+        candidate, start = job
+        names = (*base.names, *candidate.keys)
+        found = fit(bench, noise, start, names, iterations=_TRY, near=base)
+        if found.cost > contained:
+            # no optimum is worse than that of the model it contains: a drive that friction holds has no slope that leads back
+            small = {**start, **{k: _SMALL * start[k] for k, _ in candidate.sizes}}
+            if resolved(small):
+                found = min(found, fit(bench, noise, small, names, iterations=_TRY, near=base), key=lambda f: f.cost)
+        return candidate, found
+
+    best: dict[Name, tuple[Candidate, Fit]] = {}
+    for candidate, found in bench.pool.map(tried, jobs):
+        if candidate.name not in best or found.cost < best[candidate.name][1].cost:
+            best[candidate.name] = candidate, found
+    return best
+
+
+def _ended(base: Fit, noise: Metric, best: Mapping[Name, tuple[Candidate, Fit]]) -> dict[Name, tuple[Candidate, Fit]]:
+    """Carry fits to the end: the leader's first, then the others', from their own or its base parameters, whichever are nearer.
+
+    None may win by its basin, and a valley of the base model is gone down once, not by everyone.
+    """
+    bench, found = base.bench, dict(best)
+    ended = partial(_at_optimum, noise)
+
+    def beside(leader: Candidate, there: Fit, item: tuple[Candidate, Fit]) -> tuple[Candidate, Fit]:
+        candidate, own = item
+        values = without(leader, there.values, base.names) | {k: own.values[k] for k in candidate.keys}
+        if resolved(values):
+            other = fit(bench, noise, values, own.names, iterations=_TRY)
+            if other.cost < own.cost:
+                return candidate, ended(other)
+        return candidate, ended(own)
+
+    if far(base):
+        # every start leads elsewhere
+        found = {c.name: (c, f) for c, f in bench.pool.map(lambda item: (item[0], ended(item[1])), found.values())}
+    asked = set[Name]()
+    # a second time where another has come ahead
+    while len(asked) < min(2, len(found)):
+        ahead = min(found, key=lambda n: found[n][1].cost)
+        if ahead in asked:
+            break
+        asked.add(ahead)
+        leader, there = found[ahead][0], ended(found[ahead][1])
+        found[ahead] = leader, there
+        rest = [item for n, item in found.items() if n not in asked]
+        found |= {c.name: (c, f) for c, f in bench.pool.map(partial(beside, leader, there), rest)}
+    return found
+
+
+def _at_optimum(noise: Metric, own: Fit) -> Fit:
+    return own if own.known is not None else fit(own.bench, noise, own.values, own.names, near=own)
+
+
+def refit_base(base: Fit, noise: Noise, fits: Sequence[tuple[Candidate, Fit]]) -> tuple[Fit, float]:
+    """Refit the base model from candidates' optima: a better optimum of it must not pass for a gain.
+
+    Returns the best fit, and by how much the log-likelihoods of its optima differ: dry friction makes a likelihood rough.
+    """
+
+    def one(item: tuple[Candidate, Fit]) -> Fit:
+        candidate, best = item
+        return fit(base.bench, noise, without(candidate, best.values, base.names), base.names, near=base)
+
+    again = [base, *base.bench.pool.map(one, fits)]
+    costs = np.array([f.cost for f in again])
+    best = again[int(np.argmin(costs))]
+    return (best if best.cost < base.cost - WORTH else base), float(0.5 * (np.median(costs) - costs.min()))
+
+
+def pruned(base: Fit, noise: Noise, scored: Sequence[Scored], significant: Sequence[Scored]) -> list[Scored]:
+    """Return candidates where the best one has no more sizes than it needs: one that predicts as well alone is enough."""
+    best = max(significant, key=lambda s: s.total, default=None)
+    if best is None or best.fit is None or not isinstance(best.candidate, Candidate):
+        return list(scored)
+    whole = best.candidate
+    if len(whole.sizes) < 2 or any(k.rsplit(".", 1)[-1] == "a_sin" for k, _ in whole.sizes):
+        return list(scored)
+    for size in whole.sizes:
+        part = replace(whole, sizes=(size,))
+        start = {k: v for k, v in best.fit.values.items() if k in part.keys or k not in whole.keys}
+        smaller = fit(base.bench, noise, start, (*base.names, *part.keys))
+        own = replace(best, candidate=part, fit=smaller, gain=gain_of(base, smaller), size=len(part.keys))
+        if tied(best, own):
+            return [own if s is best else s for s in scored]
+    return list(scored)
+
+
+def without(candidate: Candidate, values: Values, names: Sequence[str]) -> dict[str, float]:
+    """Return a drive without a candidate, whose base parameters get back what it had taken over, where the model has these."""
+    left = {k: v for k, v in values.items() if k not in candidate.keys}
+    for key, taken in candidate.takes:
+        if taken in names:
+            left[taken] = left.get(taken, 0.0) + values.get(key, 0.0)
+    return left

@@ -1,0 +1,358 @@
+"""Forward selection of effects, then backward: which candidates improve the prediction of other experiments beyond the null."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from flexdrive_gym.recording import FloatArray
+from identification.mismatch.candidates.catalogue import Candidate, catalogue, look_alikes
+from identification.mismatch.candidates.free import Shape, shapes
+from identification.mismatch.candidates.narrow_band import Line
+from identification.mismatch.candidates.phases import Phase
+from identification.mismatch.fitting.bench import Bench, Values
+from identification.mismatch.fitting.fit import Fit, fit, gain_of
+from identification.mismatch.fitting.score import shared
+from identification.mismatch.noise.estimate import Noise, damped, estimate, with_usual_forces
+from identification.mismatch.noise.nuisance import Direction, directions, dry_level
+from identification.mismatch.selection.evaluate import Name, Table, evaluate, random_gains
+from identification.mismatch.selection.generous import WORTH, generous, ripples
+from identification.mismatch.selection.levels import Levels, share_of_error
+from identification.mismatch.selection.linear import Linear, linearise
+from identification.mismatch.selection.null import Null, first_draws, null_of
+from identification.mismatch.selection.optima import far, fit_base, fit_candidates, pruned, refit_base, without
+from identification.mismatch.selection.ranking import MOST, Round, Scored, dispensable, nameless, ranked, scores
+from identification.mismatch.selection.start import Start, candidate_starts, far_starts
+from identification.topology import Topology
+
+Say = Callable[[str], None]
+# significant candidates that are tried beside what was named, and the iterations of a try: it only tells what is noise
+_MORE, _TRY = 3, 4
+
+
+def _absent(candidates: Sequence[Candidate], base: Fit) -> set[str]:
+    """Return the base parameters that candidates can take over and that this model does not have."""
+    return {taken for c in candidates for _, taken in c.takes if taken not in base.names}
+
+
+def _part(candidate: Candidate, base: Fit, whole: Fit) -> dict[str, float]:
+    return {k: v for k, v in whole.values.items() if k in base.values or k in candidate.keys}
+
+
+def _both(before: Values, one: Values, other: Values, candidate: Candidate | Shape | Phase | Line) -> dict[str, float]:
+    """Return a drive with the changes of two drives: parameters change by the product of their ratios."""
+
+    def ratio(key: str) -> float:
+        return other[key] / before[key] if before.get(key, 0.0) > 0.0 < other.get(key, 0.0) else 1.0
+
+    takes = dict(candidate.takes) if isinstance(candidate, Candidate) else {}
+    return {**other, **{k: v * ratio(takes.get(k, k)) for k, v in one.items()}}
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """All rounds, and the drive at the end.
+
+    Attributes
+    ----------
+    rounds
+        The last one accepted nothing, unless the most effects were reached.
+    first
+        Fit of the base model.
+    model
+        Fit with all accepted effects.
+    accepted
+        The candidates taken, in order, with their rounds.
+    variability
+        Run-to-run variability around the final model.
+    """
+
+    rounds: tuple[Round, ...]
+    first: Fit
+    model: Fit
+    accepted: tuple[tuple[Scored, Round], ...]
+    variability: tuple[Direction, ...]
+
+
+class Selector:
+    """Selects effects for the recordings of one drive.
+
+    Parameters
+    ----------
+    bench
+        Recordings.
+    topology
+        Bodies, and what every fit moves.
+    known
+        Sizes of effects that the base model has already.
+    alpha
+        Share of data sets that may get a name of nothing: half for the first round, half for those that follow it.
+    seed
+        Of the null draws.
+    say
+        Called with a few words at every step.
+    """
+
+    def __init__(self, bench: Bench, topology: Topology, known: Values, alpha: float, seed: int, say: Say) -> None:
+        self.bench, self.topology, self.level, self.seed, self.say = bench, topology, 0.5 * alpha, seed, say
+        self.settings = bench.settings
+        self.known = dict(known)
+        self.base_names = [*topology.free, *self.known]
+        reach = max(float(np.max(np.abs(run.u))) for run in bench.runs)
+        self.candidates = catalogue(topology, self.known, reach or None)
+
+    def run(self) -> Selection:
+        """Return the selected effects."""
+        self.say("fitting the base model")
+        base = fit_base(self.bench, self.topology, self.known)
+        phases: tuple[Direction, ...] = ()
+        rounds: list[Round] = []
+        taken: list[tuple[Scored, Round]] = []
+        proposed = self._proposed(base)
+        whole = self._near(base, proposed)
+        # where a free function won, and names are tried in its place
+        doubted: int | None = None
+        while len(rounds) < self.settings.rounds:
+            self.say(f"round {len(rounds) + 1}")
+            step = self._round(base, whole, phases, taken, () if rounds else proposed)
+            rounds.append(step)
+            base = step.base
+            name = self._name(step) if step.accepted else None
+            if name is None or (nameless(step.best) and doubted is not None):
+                break
+            if nameless(step.best):
+                doubted = len(taken)
+            own = step.with_first(name)
+            taken.append((name, own))
+            phases = (*phases, *name.variability)
+            base = name.fit or base
+            whole = self._whole(base, own)
+        if doubted is not None and not self._stand(taken[doubted:], rounds[doubted]):
+            rounds, taken, base = rounds[: doubted + 1], taken[:doubted], rounds[doubted].base
+        taken, base = self._backward(taken, base, rounds[-1])
+        return Selection(tuple(rounds), rounds[0].base, base, tuple(taken), rounds[-1].variability)
+
+    def _name(self, step: Round) -> Scored | None:
+        """Return what a round names: the first that a simulation needs, of the significant names where a free function won."""
+        significant = [s for s in step.scored if s.p <= self.level and s.total > 0.0 and not nameless(s)]
+        order = significant if nameless(step.best) else [step.best, *(s for s in significant if s is not step.best)]
+        return next((s for s in order[: _MORE + 1] if self._needed(s, step.base)), None)
+
+    def _needed(self, scored: Scored, base: Fit) -> bool:
+        """Whether a simulation needs a name, beside what was named before."""
+        if scored.fit is None or not isinstance(scored.candidate, Candidate):
+            return True
+        found = scored.fit
+        levels = Levels.of(self.bench, found.residual, base.residual)
+        best = fit(self.bench, levels, found.values, found.names)
+        return share_of_error(scored.candidate, best) >= self.settings.relevant
+
+    def _stand(self, names: Sequence[tuple[Scored, Round]], step: Round) -> bool:
+        """Whether names stand for the free function that won: together they gain most of what it gains."""
+        return sum(s.total for s, _ in names) >= MOST * step.best.total
+
+    def _proposed(self, base: Fit) -> list[Start]:
+        """Return candidates with parameters as the equation error sees them, where the simulation is far from the data."""
+        if not far(base):
+            return []
+        absent = _absent(self.candidates, base)
+        return [
+            *self._seen_far(base, self.candidates),
+            *((c, c.start) for c in self.candidates if absent.issuperset(c.keys)),
+        ]
+
+    def _seen_far(self, base: Fit, candidates: Sequence[Candidate]) -> list[Start]:
+        """Return the candidates that the equation error puts first, with the parameters that it sees."""
+        # dry friction is in the equation already, whether the model has it or not
+        known = {k: v for k, v in base.values.items() if "." in k}
+        return far_starts(self.bench, base, known, candidates)
+
+    def _near(self, base: Fit, proposed: Sequence[Start]) -> Fit:
+        """Return the model with the candidate that brings a simulation near that is far from the data: it tells what is noise."""
+        fits = fit_candidates(base, base.metric, [(c, {**base.values, **own}) for c, own in proposed])
+        best = min((f for _, f in fits.values()), key=lambda f: f.cost, default=base)
+        return best if best.cost < (1.0 - self.settings.large) * base.cost else base
+
+    def _whole(self, base: Fit, last: Round) -> Fit:
+        """Return the model with whatever else was significant beside what the last round named, as far as it still gains."""
+        model = base
+        for s in [s for s in last.scored[1:] if s.p <= self.level and s.fit is not None and not s.variability][:_MORE]:
+            assert s.fit is not None
+            assert isinstance(s.candidate, Candidate)
+            if any(k in model.values for k in s.candidate.keys):
+                continue
+            names = (*model.names, *s.candidate.keys)
+            starts = (
+                {**model.values, **{k: s.fit.values[k] for k in s.candidate.keys}},
+                _both(last.base.values, model.values, s.fit.values, last.best.candidate),
+            )
+            tried = partial(fit, self.bench, last.noise, names=names, iterations=_TRY)
+            more = min(self.bench.pool.map(tried, starts), key=lambda f: f.cost)
+            if more.cost < model.cost - WORTH * len(s.candidate.keys):
+                model = more
+        return model
+
+    def _round(
+        self,
+        base: Fit,
+        whole: Fit,
+        phases: tuple[Direction, ...],
+        taken: Sequence[tuple[Scored, Round]],
+        proposed: Sequence[Start],
+    ) -> Round:
+        bench, seed = self.bench, [self.seed, len(taken)]
+        named = {s.name for s, _ in taken}
+        candidates = [c for c in self.candidates if c.name not in named]
+        model = whole
+        fits: dict[Name, tuple[Candidate, Fit]] = {}
+        for turn in range(2):
+            # what is noise is told by a model that lacks nothing: one that has candidates linearly, around the best fit there is
+            found = (*directions(bench, model.values), *phases)
+            if turn == 0:
+                noise = estimate(bench, model.values, model.residual, found)
+                base = fit(bench, noise, base.values, base.names, near=base)
+                linear = self._linear(base, noise, candidates)
+                model, noise = self._freed(model, noise, linear, found, candidates)
+                if model is not whole:
+                    found = (*directions(bench, model.values), *phases)
+            near = model if len(model.names) > len(base.names) else base
+            there = linear.around(near, noise)
+            left = generous(there)
+            noise = estimate(bench, near.values, left, (*found, *ripples(there, left)), noise)
+            noise, first = first_draws(bench, base.values, noise, found, left, seed)
+            base = fit(bench, noise, base.values, base.names, near=base)
+            linear = linear.around(base, noise)
+            table = evaluate(linear, linear.residual[:, None])
+            apart = (whole,) if model is whole else (whole, model)
+            jobs = [(c, f.values) for c, f in fits.values()] or [
+                *self._jobs(base, linear, table, first, candidates),
+                *((c, {**base.values, **own}) for c, own in proposed),
+                *((c, _part(c, base, m)) for m in apart for c in candidates if all(k in m.values for k in c.keys)),
+            ]
+            # what gains so much is told again, with noise around it
+            enough = 2.0 * self.settings.again if turn == 0 else np.inf
+            fits = fit_candidates(base, noise, jobs, enough=enough)
+            model = min((f for _, f in fits.values()), key=lambda f: f.cost, default=base)
+            if model.cost > base.cost - enough:
+                break
+        return self._judged(linear, first, fits, found, candidates, seed)
+
+    def _judged(
+        self,
+        linear: Linear,
+        first: FloatArray,
+        fits: dict[Name, tuple[Candidate, Fit]],
+        found: Sequence[Direction],
+        candidates: Sequence[Candidate],
+        seed: Sequence[int],
+    ) -> Round:
+        """Hold the candidates against their null draws, and the base model against their optima."""
+        noise, base = linear.noise, linear.model
+        leading = sorted(fits.values(), key=lambda item: item[1].cost)[: self.settings.finished]
+        base, roughness = refit_base(base, noise, leading)
+        linear = linear.around(base, noise)
+        table = evaluate(linear, linear.residual[:, None])
+        null = null_of(linear, base.values, noise, found, first, table, seed)
+        scored = scores(base, linear, table, fits, null, roughness)
+        # whatever may be named is fitted before it is, and so is what looks like the leader
+        names = [s.total for s in scored if s.p <= self.settings.likely and not nameless(s)]
+        least = 0.5 * max(names, default=np.inf)
+        beside: dict[str, float] = {}
+        alike = set[str]()
+        for leader, there in leading[:1]:
+            alike = look_alikes(leader.id)
+            beside = {k: v for k, v in without(leader, there.values, base.names).items() if k in base.names}
+        missing = {s.name for s in scored if s.fit is None and (s.total >= least > 0.0 or s.name[0] in alike)}
+        if missing:
+            these = [c for c in candidates if c.name in missing]
+            more = candidate_starts(base, linear, table, these, sorted(missing), len(missing))
+            more = [job for job in more if job[0].name in missing]
+            fits |= fit_candidates(base, noise, [*more, *((c, {**v, **beside}) for c, v in more if c.id in alike)])
+            scored = scores(base, linear, table, fits, null, roughness)
+        asked = {candidate.name for candidate, _ in leading}
+        while True:
+            significant = [s for s in scored if s.p <= self.level and s.total > 0.0]
+            order = ranked(scored, significant)
+            named = [fits[s.name] for s in (order[0], *significant[:2]) if s.name in fits and s.name not in asked]
+            asked |= {candidate.name for candidate, _ in named}
+            better, _ = refit_base(base, noise, named)
+            if better is base:
+                order = ranked(pruned(base, noise, scored, significant), significant)
+                return Round(base, tuple(order), null, noise, bool(significant), tuple(found))
+            base, linear = better, linear.around(better, noise)
+            table = evaluate(linear, linear.residual[:, None])
+            scored = scores(base, linear, table, fits, null, roughness)
+
+    def _linear(self, base: Fit, noise: Noise, candidates: Sequence[Candidate]) -> Linear:
+        level = max(dry_level(base.values, c) for c in range(self.bench.carts))
+        free = shapes(self.bench, base.values, max(0.05, 0.1 * level))
+        return linearise(self.bench, noise, base, candidates, free)
+
+    def _freed(
+        self, model: Fit, noise: Noise, linear: Linear, found: Sequence[Direction], candidates: Sequence[Candidate]
+    ) -> tuple[Fit, Noise]:
+        """Return the model with the candidate that explains what unknown forces have taken, if that is more probable.
+
+        Forces and physics that is left out compete for the same residual. Where slow forces are unusually large,
+        candidates are fitted with forces of a usual size, and the more probable account of the residual is kept, with its noise:
+        in the old one whatever a linear change adds to the new model would count for little.
+        """
+        quiet = with_usual_forces(noise)
+        if quiet is None:
+            return model, noise
+        base = linear.model
+        around = linear.around(base, quiet)
+        table = evaluate(around, around.residual[:, None])
+        order = sorted(table.total, key=lambda n: -float(table.total[n][0]))
+        jobs = [
+            *candidate_starts(base, around, table, candidates, order, self.settings.proposals),
+            *((c, {**base.values, **own}) for c, own in self._seen_far(base, candidates)),
+        ]
+        best = min((f for _, f in fit_candidates(base, quiet, jobs).values()), key=lambda f: f.cost, default=base)
+        other = estimate(self.bench, best.values, best.residual, found, quiet)
+        more = len(best.names) - len(model.names)
+        return (best, other) if other.cost + WORTH * more < noise.cost else (model, noise)
+
+    def _jobs(
+        self, base: Fit, linear: Linear, table: Table, first: FloatArray, candidates: Sequence[Candidate]
+    ) -> list[tuple[Candidate, dict[str, float]]]:
+        """Return what to fit: in turn names whose linear change is the least like chance, and those whose change gains most."""
+        prior = Null.of(evaluate(linear, first).total)
+        gain = {n: float(total[0]) for n, total in table.total.items() if n in {c.name for c in candidates}}
+        rarest = sorted(gain, key=lambda n: -prior.score(n, gain[n]))
+        largest = sorted(gain, key=lambda n: -gain[n])
+        order = list(dict.fromkeys(n for pair in zip(rarest, largest, strict=True) for n in pair))
+        return candidate_starts(base, linear, table, candidates, order, self.settings.proposals)
+
+    def _backward(
+        self, taken: list[tuple[Scored, Round]], model: Fit, last: Round
+    ) -> tuple[list[tuple[Scored, Round]], Fit]:
+        """Leave out what no longer predicts beside all others, the least first."""
+        while len(taken) > 1:
+            model = fit(self.bench, last.noise, model.values, model.names)
+            asked = dispensable([scored for scored, _ in taken])
+            left_out = [(*self._without(s, step, model, last), s) for s, step in taken if s in asked]
+            p, less, weakest = max(left_out, key=lambda item: item[0])
+            if p <= self.level:
+                break
+            model = less
+            taken = [(s, step) for s, step in taken if s is not weakest]
+        return taken, model
+
+    def _without(self, scored: Scored, step: Round, model: Fit, last: Round) -> tuple[float, Fit]:
+        """Return the p-value of an accepted candidate beside all others, and the model without it.
+
+        What it gains by chance is told by the draws of the round that took it, which lack it.
+        """
+        if not isinstance(scored.candidate, Candidate):
+            own = {d.group for d in scored.variability}
+            noise = damped(last.noise, [d for d in last.variability if d.group not in own])
+            columns = noise.white(np.column_stack([d.change for d in scored.variability]))
+            ((gain, _),) = random_gains(self.bench, columns, noise.white(model.residual)[:, None])
+            return step.null.p_value(scored.name, float(shared(gain[:, 0]))), model
+        names = [n for n in model.names if n not in scored.candidate.keys]
+        less = fit(self.bench, last.noise, without(scored.candidate, model.values, names), names)
+        return step.null.p_value(scored.name, float(shared(gain_of(less, model)))), less

@@ -1,0 +1,70 @@
+"""Ripples and oscillations with a phase of their own in every recording are found; a ground spring is no ripple."""
+
+import numpy as np
+import pytest
+
+from identification.mismatch.candidates.catalogue import Candidate
+from identification.mismatch.candidates.narrow_band import lines
+from identification.mismatch.candidates.phases import phases
+from identification.mismatch.fitting.fit import fit
+from identification.mismatch.noise.estimate import estimate
+from identification.mismatch.selection.evaluate import evaluate
+from identification.mismatch.selection.linear import linearise
+from tests.drive.drives import RIG
+from tests.identification.mismatch.lab import bench_of, data_set
+
+RIPPLE = Candidate("cogging", "drivetrain", (("cogging.a_sin", 0.05),), (("cogging.P", 12.0),))
+
+
+def _table(runs):
+    with bench_of(runs) as bench:
+        base = bench.residual(RIG)
+        noise = estimate(bench, RIG, base, ())
+        model = fit(bench, noise, RIG, ("m1", "b1", "d1", "k", "m2", "b2", "d2"))
+        linear = linearise(bench, noise, model, [RIPPLE], [])
+        return evaluate(linear, linear.residual[:, None])
+
+
+def test_cogging_is_found_with_its_period_wherever_recordings_begin():
+    """To first order: a ripple that moves the carts off their track is for the fits."""
+    rng = np.random.default_rng(0)
+    runs = []
+    for i in range(6):
+        turn = rng.uniform(0.0, 2.0 * np.pi)
+        effect = {"cogging.a_sin": 0.06 * np.cos(turn), "cogging.a_cos": 0.06 * np.sin(turn), "cogging.P": 11.0}
+        runs.append(data_set(effect, force=0.02)[i])
+    table = _table(runs)
+    best = table.best["cogging", "drivetrain"]
+    assert table.total["cogging", "drivetrain"][0] > 100.0
+    assert _table(data_set(force=0.05)).total["cogging", "drivetrain"][0] < 30.0
+    assert best.candidate.period == pytest.approx(11.0, rel=0.1)
+    assert np.sqrt(2.0 * best.variance) == pytest.approx(0.06, rel=0.5)
+
+
+def test_an_oscillation_that_no_command_makes_is_found_at_its_frequency():
+    with bench_of(data_set()) as bench:
+        rng = np.random.default_rng(0)
+        rest = rng.normal(size=(len(bench.valid), 1))
+        for p in bench.pieces:
+            if p.cart == 0:
+                t = 0.005 * np.arange(p.rows.stop - p.rows.start)
+                rest[p.rows, 0] += 0.8 * np.sin(2.0 * np.pi * 7.3 * t + rng.uniform(0.0, 6.0))
+        first, second = lines(bench, rest)
+    assert first[0].frequency == pytest.approx(7.3, abs=0.3)
+    assert first[1].sum() > 50.0
+    assert second[1].sum() < 10.0
+
+
+def test_ripples_have_periods_within_the_way_travelled():
+    with bench_of(data_set()[:1]) as bench:
+        way = max(float(np.ptp(x)) for x in bench.runs[0].track)
+        assert all(p.period <= 1.05 * way for p, _ in phases(bench, RIG))
+
+
+def test_ripples_are_as_long_as_the_longest_way():
+    """Fast sines hardly move a cart; the slow ones tell of the track."""
+    kinds = (*(("sine", 2.5, f) for f in (8.0, 10.0, 12.0, 16.0)), ("sine", 2.5, 0.8))
+    with bench_of(data_set(kinds=kinds)) as bench:
+        way = max(float(np.ptp(run.track[0])) for run in bench.runs)
+        longest = max(p.period for p, _ in phases(bench, RIG) if p.name == ("cogging", "drivetrain"))
+        assert longest > 0.8 * way

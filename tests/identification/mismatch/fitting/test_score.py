@@ -1,0 +1,84 @@
+"""Leave-one-recording-out by normal equations is what leaving out and fitting again is."""
+
+import numpy as np
+
+from identification.mismatch.fitting.score import Normal, bounded, gains, leave_one_out_variance, shared, studentised
+
+
+def _linear_problem(rng, recordings=5, rows=40, columns=3):
+    J = [rng.normal(size=(rows, columns)) for _ in range(recordings)]
+    e = [rng.normal(size=rows) for _ in range(recordings)]
+    return J, e
+
+
+def _normal(rows, signs=None):
+    return Normal.of(np.array([y.T @ y for y in rows]), signs)
+
+
+def test_square_left_out_is_that_of_a_fit_to_the_others():
+    J, e = _linear_problem(np.random.default_rng(0))
+    found = _normal([np.column_stack([j, x]) for j, x in zip(J, e, strict=True)]).left_out(1e-10)
+    for r in range(len(J)):
+        others = [i for i in range(len(J)) if i != r]
+        step = np.linalg.lstsq(np.vstack([J[i] for i in others]), -np.concatenate([e[i] for i in others]), rcond=None)[
+            0
+        ]
+        assert np.isclose(found[r], np.sum((e[r] + J[r] @ step) ** 2), rtol=1e-6)
+
+
+def test_a_column_without_information_gains_less_than_nothing_on_average():
+    rng = np.random.default_rng(1)
+    total = []
+    for _ in range(200):
+        J, e = _linear_problem(rng, columns=1)
+        small = [x[:, None] for x in e]
+        large = [np.column_stack([j, x]) for j, x in zip(J, e, strict=True)]
+        total.append(gains(_normal(small), _normal(large), 1e-10).sum())
+    # one parameter costs its variance in prediction, half a unit
+    assert -0.9 < np.mean(total) < -0.2
+
+
+def test_a_sign_asked_for_is_kept():
+    rng = np.random.default_rng(2)
+    x = rng.normal(size=(60, 2))
+    y = x @ np.array([1.0, -2.0])
+    rows = [np.column_stack([x, -y])]
+    free = _normal(rows).solve()
+    signed = _normal(rows, np.array([0.0, 1.0])).solve()
+    assert np.allclose(free, [1.0, -2.0], atol=1e-6)
+    assert signed[1] >= 0.0
+
+
+def test_an_experiment_says_no_more_than_the_others_let_expect():
+    assert bounded(np.array([500.0, 3.0, -9.0]), np.array([1.0, 4.0, 2.0])).tolist() == [1.0, 3.0, -2.0]
+
+
+def test_what_one_experiment_alone_shows_or_denies_is_left_out():
+    assert shared(np.array([500.0, 0.0, 0.0, 0.0])) == 0.0
+    assert shared(np.array([-230.0, 20.0, 20.0, 20.0, 20.0])) == 60.0
+    assert shared(np.array([5.0, 7.0])) == 12.0
+    gain = np.random.default_rng(5).normal(size=(20000, 12))
+    assert abs(np.mean(shared(gain))) < 0.05
+
+
+def test_a_mean_that_many_show_is_more_than_one_that_a_single_experiment_shows():
+    assert studentised(np.array([1.0, 2.0, 3.0])) > studentised(np.array([6.0, 0.0, 0.0]))
+
+
+def test_random_amplitudes_gain_what_their_likelihood_says():
+    # ten recordings of one pair of amplitudes each, of a variance that the others tell
+    rng = np.random.default_rng(3)
+    information, variance = 4.0, 25.0
+    gradient = rng.normal(size=(10, 2)) * np.sqrt(information + information**2 * variance)
+    form = np.sum(gradient**2, axis=1)[:, None, None]
+    gain, found = leave_one_out_variance(form, np.full((10, 1), information), np.arange(10))
+    expected = 0.5 * form[:, 0, 0] / (information + 1.0 / found[0]) - np.log1p(found[0] * information)
+    # of the mean gain 1 - 1/e lies within what is expected: a pair's square is exponentially distributed
+    assert gain.sum() < expected.sum()
+    assert np.all(gain[:, 0, 0] <= found[0] * information - np.log1p(found[0] * information) + 1e-9)
+    assert gain.sum() > 0.3 * expected.sum()
+    assert 0.3 * variance < found[0] < 3.0 * variance
+    none, _ = leave_one_out_variance(
+        np.full((10, 1, 1), 2.0 * information), np.full((10, 1), information), np.arange(10)
+    )
+    assert none.sum() < 0.0

@@ -1,0 +1,69 @@
+"""Which candidate is named: by gains that no single experiment decides, ties by paired scores, names before free functions."""
+
+import numpy as np
+
+from identification.mismatch.candidates.catalogue import Candidate
+from identification.mismatch.candidates.free import Shape
+from identification.mismatch.candidates.narrow_band import made
+from identification.mismatch.selection.ranking import Scored, dispensable, ranked, tied
+
+RNG = np.random.default_rng(0)
+
+
+def named(effect, gain, size=1):
+    keys = tuple((f"{effect}.{i}", 1.0) for i in range(size))
+    return Scored(Candidate(effect, "guide", keys), None, np.asarray(gain, dtype=float), size, 0.002)
+
+
+def at_cart(effect, gain, where):
+    return Scored(
+        Candidate(effect, where, ((f"{effect}.{where}", 1.0),)), None, np.asarray(gain, dtype=float), 1, 0.002
+    )
+
+
+def free(gain):
+    return Scored(Shape("cart_1", "command", np.zeros(1), (), 0.1), None, np.asarray(gain, dtype=float), 6, 0.002)
+
+
+def test_two_names_of_one_force_tie_and_the_simpler_one_is_named():
+    gain = RNG.uniform(5.0, 10.0, 12)
+    one, two = named("input_offset", gain), named("stribeck", gain + 1e-9, size=2)
+    assert tied(two, one)
+    assert ranked([one, two], [one, two])[0] is one
+
+
+def test_what_predicts_better_in_every_experiment_is_no_tie():
+    gain = RNG.uniform(5.0, 10.0, 12)
+    better = named("stribeck", 1.3 * gain, size=2)
+    assert not tied(better, named("input_offset", gain))
+    assert ranked([named("input_offset", gain), better], [better])[0] is better
+
+
+def test_a_name_that_gains_most_of_it_stands_for_a_free_function():
+    gain = RNG.uniform(50.0, 60.0, 12)
+    whole, most, less = free(gain), named("saturation", 0.7 * gain), named("dead_zone", 0.4 * gain)
+    assert ranked([whole, most, less], [whole, most, less])[0] is most
+    assert ranked([whole, less], [whole, less])[0] is whole
+
+
+def test_dry_friction_comes_before_what_refines_it():
+    gain = RNG.uniform(50.0, 60.0, 12)
+    refined, plain = at_cart("stribeck", gain, "cart_2"), at_cart("coulomb_friction", 0.8 * gain, "cart_2")
+    elsewhere = at_cart("coulomb_friction", 0.9 * gain, "cart_1")
+    assert ranked([refined, elsewhere, plain], [refined, elsewhere, plain])[0] is plain
+    # beside it the refinement is named
+    assert ranked([refined], [refined])[0] is refined
+
+
+def test_dry_friction_stays_while_another_effect_refines_it():
+    gain = RNG.uniform(50.0, 60.0, 12)
+    own, other = (at_cart("coulomb_friction", gain, f"cart_{c}") for c in (1, 2))
+    refined = at_cart("position_friction", gain, "cart_1")
+    assert dispensable([own, other, refined]) == [other, refined]
+    assert dispensable([own, other]) == [own, other]
+
+
+def test_a_command_makes_its_own_frequency_and_odd_harmonics_through_friction():
+    t = np.arange(8000) * 1e-3
+    frequency = np.array([2.0, 6.0, 10.0, 7.3])
+    assert made(np.sin(2.0 * np.pi * 2.0 * t), 1e-3, frequency).tolist() == [True, True, True, False]
