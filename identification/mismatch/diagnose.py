@@ -156,7 +156,7 @@ class _Result:
         accepted, model = list(self.selection.accepted), self.selection.model
         while accepted:
             last = output_error(self.bench, model, self.base)
-            shares = [(self._share(s, last), s) for s in dispensable([s for s, _ in accepted])]
+            shares = [(share_of_error(s, last), s) for s in dispensable([s for s, _ in accepted])]
             least, idle = min(shares, key=lambda item: item[0])
             if least >= self.bench.settings.relevant:
                 return last, accepted
@@ -166,10 +166,6 @@ class _Result:
             noise = self.selection.rounds[-1].noise
             model = fit(self.bench, noise, without(idle.candidate, model.values, names), names)
         return self.base, []
-
-    def _share(self, scored: Scored, last: Fit) -> float:
-        # one with a phase of its own in every recording is in no simulation
-        return share_of_error(scored.candidate, last) if isinstance(scored.candidate, Candidate) else 1.0
 
     @property
     def runs(self) -> Sequence[Recording]:
@@ -219,7 +215,7 @@ class _Result:
                 seconds=0.0,
                 p_value=significance_of(self.selection.rounds[0]),
                 split=replace(split, estimation=tuple(self.runs)),
-                notes=notes_of(drive, split, loops, self.bench.runs, units),
+                notes=(*self._needless(findings, nameless), *notes_of(drive, split, loops, self.bench.runs, units)),
                 maps=tuple(maps),
                 harmonics=tuple(harmonics(forces, self.runs)),
                 forces=tuple(forces),
@@ -227,6 +223,18 @@ class _Result:
             ),
             units,
         )
+
+    def _needless(self, findings: Sequence[Finding], nameless: Unnamed | None) -> tuple[str, ...]:
+        """Say what is significant where nothing is found, for no simulation needs it."""
+        first = self.selection.rounds[0]
+        if findings or nameless is not None or not first.accepted:
+            return ()
+        most = " at ".join(part.replace("_", " ") for part in first.best.name)
+        note = (
+            f"something is significant (p = {significance_of(first):.2g}; {most} gains most), but nothing that has a name takes "
+            f"{self.bench.settings.relevant:.0%} off the squared error of the simulation: none is given"
+        )
+        return (note,)
 
     def drive(self, best: Fit, name: str) -> Drive:
         """Return a fit as a drive with its uncertainty."""

@@ -16,6 +16,7 @@ from identification.mismatch.candidates.catalogue import Candidate
 from identification.mismatch.fitting.bench import Bench
 from identification.mismatch.fitting.fit import Fit, fit
 from identification.mismatch.selection.optima import without
+from identification.mismatch.selection.ranking import Scored
 
 # of weights: errors that levels are taken from are those of a fit with the levels before
 _ROUNDS = 2
@@ -68,16 +69,21 @@ def output_error(bench: Bench, near: Fit, *others: Fit) -> Fit:
     return best
 
 
-def share_of_error(candidate: Candidate, best: Fit) -> float:
-    """Return the share of the squared output error that an effect of a drive takes off, beside all others.
+def share_of_error(scored: Scored, best: Fit) -> float:
+    """Return the share of the squared output error that a named effect takes off, beside all others.
 
     Milliseconds tell laws apart, and tell of what no simulation needs, too: ripples of a contact whose law is another.
 
     Parameters
     ----------
+    scored
+        The effect. One with a phase of its own in every recording is in no simulation: its share is 1.
     best
         The drive with it, at the optimum of its own metric.
     """
+    candidate = scored.candidate
+    if not isinstance(candidate, Candidate):
+        return 1.0
     names = [n for n in best.names if n not in candidate.keys]
     less = fit(best.bench, best.metric, without(candidate, best.values, names), names)
     return 1.0 - best.cost / max(less.cost, 1e-300)

@@ -143,12 +143,12 @@ class Selector:
 
     def _needed(self, scored: Scored, base: Fit) -> bool:
         """Whether a simulation needs a name, beside what was named before."""
-        if scored.fit is None or not isinstance(scored.candidate, Candidate):
+        if scored.fit is None:
+            # one with a phase of its own in every recording
             return True
-        found = scored.fit
-        levels = Levels.of(self.bench, found.residual, base.residual)
-        best = fit(self.bench, levels, found.values, found.names)
-        return share_of_error(scored.candidate, best) >= self.settings.relevant
+        levels = Levels.of(self.bench, scored.fit.residual, base.residual)
+        best = fit(self.bench, levels, scored.fit.values, scored.fit.names)
+        return share_of_error(scored, best) >= self.settings.relevant
 
     def _stand(self, names: Sequence[tuple[Scored, Round]], step: Round) -> bool:
         """Whether names stand for the free function that won: together they gain most of what it gains."""
@@ -321,7 +321,8 @@ class Selector:
     ) -> list[tuple[Candidate, dict[str, float]]]:
         """Return what to fit: in turn names whose linear change is the least like chance, and those whose change gains most."""
         prior = Null.of(evaluate(linear, first).total)
-        gain = {n: float(total[0]) for n, total in table.total.items() if n in {c.name for c in candidates}}
+        asked = {c.name for c in candidates}
+        gain = {n: float(total[0]) for n, total in table.total.items() if n in asked}
         rarest = sorted(gain, key=lambda n: -prior.score(n, gain[n]))
         largest = sorted(gain, key=lambda n: -gain[n])
         order = list(dict.fromkeys(n for pair in zip(rarest, largest, strict=True) for n in pair))
