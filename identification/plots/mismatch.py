@@ -124,7 +124,8 @@ def plot_before_after(
         panels[-1, column].axhline(0.0, color=style.COMMAND, linewidth=0.6)
         panels[-1, column].set_xlabel("time $t$ [s]")
         panels[-1, column].set_xlim(begin, end)
-    panels[0, 1].legend(loc="best")
+    # above the titles, where it covers no data
+    figure.legend(*panels[0, 1].get_legend_handles_labels(), loc="outside upper right", ncols=2)
     return figure
 
 
