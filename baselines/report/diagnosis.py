@@ -266,8 +266,8 @@ def _remains(d: Diagnosis, forces: Remaining) -> Section:
     if d.unnamed is not None:
         nearest = ", ".join(f"{words.effect_name(n)} (gains {s:.0%} of it)" for n, s in d.unnamed.nearest)
         lines.append(
-            f"Unnamed: {d.unnamed.share_of_error:.0%} of the squared error left is a force on "
-            f"{d.unnamed.where.replace('_', ' ')} {d.unnamed.acts_on}. Nearest names: {nearest or 'none'}."
+            f"Unnamed: {d.unnamed.share_of_error:.0%} of the squared error left is {words.nameless(d.unnamed)}. "
+            f"Nearest names: {nearest or 'none'}."
         )
     after = sorted((m for m in forces.after if m.explained >= 0.02), key=lambda m: -m.explained * m.size**2)
     lines += [f"{m.sentence[0].upper()}{m.sentence[1:]}." for m in after[:2]]

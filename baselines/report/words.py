@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 from baselines.lab.prediction_names import prediction_name
 from flexdrive_gym.drive.effects import EFFECTS
-from identification.mismatch.answer.finding import Finding
+from identification.mismatch.answer.finding import Finding, Unnamed
 from identification.mismatch.answer.verdict import Diagnosis, Interval, Prediction, RecordingFit
 from identification.mismatch.candidates.free import followed
 from identification.quantities import HANDOUT_RATIOS
@@ -68,6 +68,14 @@ def within_reach(d: Diagnosis) -> float:
     return min(1.0, (d.before_rms**2 - d.after_rms**2) / above) if above > 0.0 else float("nan")
 
 
+def nameless(u: Unnamed) -> str:
+    """Return where an effect without a name acts, and like what."""
+    place = u.where.replace("_", " ")
+    if u.where.startswith("cart"):
+        return f"a force on {place} {u.acts_on}"
+    return f"a force of the spring {u.acts_on}" if u.where == "spring" else f"something at {place} {u.acts_on}"
+
+
 def verdict_sentences(d: Diagnosis) -> list[str]:
     """Return the verdict in one to four plain sentences."""
     floor = (
@@ -81,8 +89,8 @@ def verdict_sentences(d: Diagnosis) -> list[str]:
     unnamed = ""
     if d.unnamed is not None:
         unnamed = (
-            f"{d.unnamed.share_of_error:.0%} of the remaining squared error has no name in the catalogue: a force on "
-            f"{d.unnamed.where.replace('_', ' ')} {d.unnamed.acts_on}."
+            f"{d.unnamed.share_of_error:.0%} of the remaining squared error has no name in the catalogue: "
+            f"{nameless(d.unnamed)}."
         )
     if d.verdict == "no_mismatch":
         return ["No left-out physics is needed: no effect of the catalogue is significant.", leaves]

@@ -188,7 +188,7 @@ class _Result:
         forces = list(self.pool.map(lambda r: missing_force(base.values, r), self.runs))
         maps = draw_maps(forces)
         findings = self.findings(drive)
-        nameless = unnamed(self.bench, self.selection)
+        nameless = unnamed(self.bench, self.selection, named=bool(findings))
         estimation = recording_fits(base, drive, self.runs, "estimation", self.runs, self.pool)
         everything = (*self.runs, *split.report)
         report = recording_fits(base, drive, split.report, "report", everything, self.pool)
@@ -215,7 +215,7 @@ class _Result:
                 seconds=0.0,
                 p_value=significance_of(self.selection.rounds[0]),
                 split=replace(split, estimation=tuple(self.runs)),
-                notes=(*self._needless(findings, nameless), *notes_of(drive, split, loops, self.bench.runs, units)),
+                notes=notes_of(drive, split, loops, self.bench.runs, units),
                 maps=tuple(maps),
                 harmonics=tuple(harmonics(forces, self.runs)),
                 forces=tuple(forces),
@@ -223,18 +223,6 @@ class _Result:
             ),
             units,
         )
-
-    def _needless(self, findings: Sequence[Finding], nameless: Unnamed | None) -> tuple[str, ...]:
-        """Say what is significant where nothing is found, for no simulation needs it."""
-        first = self.selection.rounds[0]
-        if findings or nameless is not None or not first.accepted:
-            return ()
-        most = " at ".join(part.replace("_", " ") for part in first.best.name)
-        note = (
-            f"something is significant (p = {significance_of(first):.2g}; {most} gains most), but nothing that has a name takes "
-            f"{self.bench.settings.relevant:.0%} off the squared error of the simulation: none is given"
-        )
-        return (note,)
 
     def drive(self, best: Fit, name: str) -> Drive:
         """Return a fit as a drive with its uncertainty."""

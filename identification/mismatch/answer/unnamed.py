@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from identification.mismatch.answer.finding import Curve, Unnamed
+from identification.mismatch.answer.finding import Curve, Unnamed, phrase
 from identification.mismatch.candidates.free import FOLLOWS, Shape
 from identification.mismatch.candidates.narrow_band import Line
 from identification.mismatch.fitting.bench import Bench
@@ -20,19 +22,44 @@ def share_of(scored: Scored, step: Round) -> float:
     return float(min(1.0, 2.0 * scored.total / max(float(step.base.normal.square.sum()), 1e-300)))
 
 
-def unnamed(bench: Bench, selection: Selection) -> Unnamed | None:
-    """Return what was accepted last if it has no name."""
-    last = selection.rounds[-1]
-    shape = last.best.candidate
-    if not last.accepted or not isinstance(shape, Shape | Line):
+def unnamed(bench: Bench, selection: Selection, *, named: bool) -> Unnamed | None:
+    """Return what was accepted last if it has no name, or what is significant and given none.
+
+    Parameters
+    ----------
+    named
+        Whether anything is. If not, what is significant is an effect whose name is none of those that were tried: these predict
+        milliseconds, and no simulation needs them.
+    """
+    first, last = selection.rounds[0], selection.rounds[-1]
+    if last.accepted and isinstance(last.best.candidate, Shape | Line):
+        return _free(bench, last, last.best.candidate)
+    if named or not first.accepted:
         return None
-    near = [s for s in last.scored[1:] if not isinstance(s.candidate, Shape | Line) and s.total > 0.0]
-    nearest = tuple((s.name[0], float(min(1.0, s.total / last.best.total))) for s in near[:_NEAREST])
-    share = share_of(last.best, last)
+    shape = first.best.candidate
+    return _free(bench, first, shape) if isinstance(shape, Shape | Line) else _like(first)
+
+
+def _free(bench: Bench, step: Round, shape: Shape | Line) -> Unnamed:
+    nearest, share = _nearest(step.scored[1:], step.best.total), share_of(step.best, step)
     if isinstance(shape, Line):
         return Unnamed(shape.where, share, f"of {shape.frequency:.3g} Hz that the command does not make", nearest)
     follows, _ = FOLLOWS.get(shape.variable, (shape.variable, ""))
-    return Unnamed(shape.where, share, f"as a function of {follows}", nearest, _curve(bench, last, shape))
+    return Unnamed(shape.where, share, f"as a function of {follows}", nearest, _curve(bench, step, shape))
+
+
+def _like(step: Round) -> Unnamed:
+    """Return what is nearest to an effect that no name describes."""
+    best, relevant = step.best, step.base.bench.settings.relevant
+    text = (
+        f"most like {phrase(best.name[0])}, which takes less than {relevant:.0%} off the squared error of a simulation"
+    )
+    return Unnamed(best.name[1], share_of(best, step), text, _nearest(step.scored, best.total))
+
+
+def _nearest(scored: Sequence[Scored], total: float) -> tuple[tuple[str, float], ...]:
+    near = [s for s in scored if not isinstance(s.candidate, Shape | Line) and s.total > 0.0]
+    return tuple((s.name[0], float(min(1.0, s.total / total))) for s in near[:_NEAREST])
 
 
 def _curve(bench: Bench, last: Round, shape: Shape) -> Curve:

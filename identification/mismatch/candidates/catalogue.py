@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from itertools import product
 from math import isfinite
@@ -16,6 +16,9 @@ _NO_CANDIDATES = frozenset({"viscous_friction", "spring", "encoder_quantisation"
 _LIMITS = (0.95, 0.85, 0.7, 0.5)
 # base friction that a candidate can take over whole, since a cart held by it would never show the candidate
 _TAKES_OVER = {"presliding": {"fd": "d"}}
+# masses of their own that a base model has counted to a cart's, and what a cart keeps of its own at least
+_PARTS = {"motor_gear_backlash": {"mass": "m1"}, "extra_mode": {"mass_1": "m1", "mass_2": "m2"}}
+_LEAST_PART = 0.3
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,8 @@ class Candidate:
         Keys of the non-linear parameters and one value of each.
     takes
         Sizes that may take over a base parameter: key to the base parameter.
+    parts
+        Sizes that a base parameter stood for besides its own: key to the base parameter.
     """
 
     id: str
@@ -39,6 +44,7 @@ class Candidate:
     sizes: tuple[tuple[str, float], ...]
     shapes: tuple[tuple[str, float], ...] = ()
     takes: tuple[tuple[str, str], ...] = ()
+    parts: tuple[tuple[str, str], ...] = ()
 
     @property
     def name(self) -> tuple[str, str]:
@@ -54,6 +60,19 @@ class Candidate:
     def start(self) -> dict[str, float]:
         """Sizes and shapes at their start values."""
         return dict((*self.sizes, *self.shapes))
+
+    def beside(self, values: Mapping[str, float], own: Mapping[str, float]) -> dict[str, float]:
+        """Return a drive with the candidate, from whose base parameters is taken what they stood for."""
+        less = {}
+        for key, base in self.parts:
+            if base in values:
+                less[base] = max(values[base] - own.get(key, 0.0), _LEAST_PART * values[base])
+        return {**values, **less, **own}
+
+    @property
+    def apart(self) -> bool:
+        """Whether it is a mass that moves on its own before it meets the cart that a base model has it in."""
+        return bool(self.parts) and any(key.endswith(".gap") for key, _ in self.shapes)
 
     def one(self, i: int) -> dict[str, float]:
         """Return the parameters with size i at its start value and the others at null."""
@@ -112,7 +131,9 @@ def _of(effect: Effect, where: str, topology: Topology, reach: float | None) -> 
             levels = max(len(_levels(q)) for q in group)
             for level in range(levels):
                 own = tuple((effect.key(where, q.name), _levels(q)[min(level, len(_levels(q)) - 1)]) for q in group)
-                found.append(Candidate(effect.id, where, own, tuple(chosen), takes))
+                masses = {effect.key(where, name): base for name, base in _PARTS.get(effect.id, {}).items()}
+                parts = tuple((key, masses[key]) for key, _ in own if key in masses)
+                found.append(Candidate(effect.id, where, own, tuple(chosen), takes, parts))
     return found
 
 

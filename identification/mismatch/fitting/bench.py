@@ -87,6 +87,13 @@ class Bench:
             found[u] += white[rows].T @ others[rows]
         return found
 
+    def sums(self, columns: FloatArray) -> FloatArray:
+        """Return the sums of columns, shape (N, k), over the rows of every unit, shape (U, k)."""
+        found = np.zeros((int(self.units.max()) + 1, columns.shape[1]))
+        for rows, u in zip(self.rows, self.units, strict=True):
+            found[u] += columns[rows].sum(axis=0)
+        return found
+
     @property
     def carts(self) -> int:
         """How many carts are simulated."""

@@ -171,7 +171,7 @@ def pruned(base: Fit, noise: Noise, scored: Sequence[Scored], significant: Seque
 def without(candidate: Candidate, values: Values, names: Sequence[str]) -> dict[str, float]:
     """Return a drive without a candidate, whose base parameters get back what it had taken over, where the model has these."""
     left = {k: v for k, v in values.items() if k not in candidate.keys}
-    for key, taken in candidate.takes:
+    for key, taken in (*candidate.takes, *candidate.parts):
         if taken in names:
             left[taken] = left.get(taken, 0.0) + values.get(key, 0.0)
     return left

@@ -136,19 +136,26 @@ class Selector:
         return Selection(tuple(rounds), rounds[0].base, base, tuple(taken), rounds[-1].variability)
 
     def _name(self, step: Round) -> Scored | None:
-        """Return what a round names: the first that a simulation needs, of the significant names where a free function won."""
-        significant = [s for s in step.scored if s.p <= self.level and s.total > 0.0 and not nameless(s)]
-        order = significant if nameless(step.best) else [step.best, *(s for s in significant if s is not step.best)]
-        return next((s for s in order[: _MORE + 1] if self._needed(s, step.base)), None)
+        """Return what a round names: the first that a simulation needs, of the significant names where a free function won.
 
-    def _needed(self, scored: Scored, base: Fit) -> bool:
-        """Whether a simulation needs a name, beside what was named before."""
+        What gains less than half of the most may gain from what that one is, unless it brings the simulation near.
+        """
+        significant = [s for s in step.scored if s.p <= self.level and s.total > 0.0 and not nameless(s)]
+        half = MOST * max((s.total for s in significant), default=0.0)
+        order = significant if nameless(step.best) else [step.best, *(s for s in significant if s is not step.best)]
+        relevant, large = self.settings.relevant, self.settings.large
+        return next(
+            (s for s in order[: _MORE + 1] if self._share(s, step.base) >= (relevant if s.total >= half else large)),
+            None,
+        )
+
+    def _share(self, scored: Scored, base: Fit) -> float:
+        """Return the share of the squared output error that a name takes off, beside what was named before."""
         if scored.fit is None:
             # one with a phase of its own in every recording
-            return True
+            return 1.0
         levels = Levels.of(self.bench, scored.fit.residual, base.residual)
-        best = fit(self.bench, levels, scored.fit.values, scored.fit.names)
-        return share_of_error(scored, best) >= self.settings.relevant
+        return share_of_error(scored, fit(self.bench, levels, scored.fit.values, scored.fit.names))
 
     def _stand(self, names: Sequence[tuple[Scored, Round]], step: Round) -> bool:
         """Whether names stand for the free function that won: together they gain most of what it gains."""

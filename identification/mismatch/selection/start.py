@@ -63,7 +63,7 @@ def candidate_starts(
             least = 0.1 * usual
             # a size of the wrong sign cannot be fitted from null, where there is no slope to see
             own[key] = float(np.clip(size, q.lower, q.upper)) if abs(size) > abs(least) and size > q.lower else least
-        return candidate, {**base.values, **candidate.start, **own}
+        return candidate, candidate.beside(base.values, {**candidate.start, **own})
 
     found: dict[Name, list[Start]] = {}
     for name in (n for n in order if n in asked):
@@ -78,6 +78,8 @@ def candidate_starts(
     leading = list(found)[:most]
     alike = [n for n in list(found)[most:] if any(n[0] in look_alikes(i) for i, _ in leading[:3])]
     jobs = [s for n in leading for s in found[n]] + [found[n][0] for n in alike]
+    # a mass behind a gap is no small change: to first order its size says nothing
+    jobs += [(c, c.beside(base.values, c.start)) for c in candidates if c.apart and c.name in {*leading, *alike}]
     # what a cart at rest hides has no sensitivity: it is always asked for, with the friction that hides it taken over
     hidden = {c.name: c for c in candidates if c.takes and not any(k in base.values for k in c.keys)}
     for candidate in hidden.values():

@@ -110,23 +110,25 @@ def test_a_name_that_no_simulation_needs_gives_way_to_the_next(monkeypatch):
     """Its share of the output error is asked within the round: what is skipped costs no round."""
     asked = []
 
-    def needed(_, scored, base):
+    def share(_, scored, base):
         asked.append(scored.name[0])
-        return scored.name[0] != "ground_spring"
+        return float(scored.name[0] != "ground_spring")
 
-    monkeypatch.setattr(Selector, "_needed", needed)
+    monkeypatch.setattr(Selector, "_share", share)
     found = diagnose(_runs("ground_spring"), settings=replace(ONE_ROUND, rounds=2), jobs=1)
     assert asked[0] == "ground_spring"
     assert "ground_spring" not in [f.id for f in found.findings]
 
 
-def test_what_is_significant_and_not_needed_is_said(monkeypatch):
-    """A p-value below the level beside "no mismatch" needs its reason."""
-    monkeypatch.setattr(Selector, "_needed", lambda *_: False)
+def test_what_is_significant_and_not_needed_has_no_name(monkeypatch):
+    """Something is there, and what comes nearest to it is not what it is: no simulation gets better by it."""
+    monkeypatch.setattr(Selector, "_share", lambda *_: 0.0)
     found = diagnose(_runs("ground_spring"), settings=ONE_ROUND, jobs=1)
-    assert (found.findings, found.unnamed) == ((), None)
+    assert found.findings == ()
+    assert found.verdict == "unexplained"
     assert found.p_value <= 0.01
-    assert any(note.startswith("something is significant") and "1%" in note for note in found.notes)
+    assert found.unnamed.acts_on.startswith("most like ")
+    assert "1%" in found.unnamed.acts_on
 
 
 def test_a_rig_that_lacks_nothing_gets_no_name():

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identification.mismatch.fitting.fit import fit, gain_between
+from identification.mismatch.fitting.fit import fit, gain_between, gain_of
 from identification.mismatch.noise.estimate import first_noise
 from identification.mismatch.settings import Settings
 from tests.drive.drives import RIG
@@ -86,3 +86,16 @@ def test_what_one_experiment_alone_shows_is_no_property_of_a_rig():
 
 def test_one_odd_experiment_does_not_hide_what_the_others_show():
     assert _gain_where(range(12), range(1, 12)).sum() > 700.0
+
+
+def test_a_fit_gains_its_likelihood_ratio_less_its_parameters():
+    """Leaving experiments out comes to that (M. Stone, 1977), and no experiment gains more than the two predictions differ by."""
+    with bench_of(data_set(force=0.05)) as bench:
+        noise = first_noise(bench, RIG)
+        without = fit(bench, noise, {**RIG, "d2": 0.0}, [n for n in NAMES if n != "d2"])
+        with_ = fit(bench, noise, without.values, (*without.names, "d2"))
+        gain = gain_of(without, with_)
+        apart = bench.sums(noise.white(without.residual - with_.residual)[:, None] ** 2)[:, 0]
+    assert gain.sum() < 0.5 * (without.cost - with_.cost)
+    assert (np.abs(gain) <= 0.5 * apart + 1e-9).all()
+    assert gain.sum() > 0.25 * (without.cost - with_.cost)

@@ -7,7 +7,7 @@ import pytest
 from identification.mismatch.candidates.catalogue import catalogue
 from identification.mismatch.fitting.fit import fit
 from identification.mismatch.noise.estimate import first_noise
-from identification.mismatch.selection.optima import fit_candidates, refit_base
+from identification.mismatch.selection.optima import fit_candidates, refit_base, without
 from identification.topology import TWO_CARTS
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import KINDS, bench_of, data_set
@@ -55,3 +55,34 @@ def test_candidates_are_compared_from_the_best_ones_base_parameters(base):
     jobs = [(drag, {**base.values, **drag.start}), (stribeck, {**far, **stribeck.start})]
     found = fit_candidates(base, base.metric, jobs)
     assert found[stribeck.name][1].cost < 1.05 * found[drag.name][1].cost
+
+
+def test_a_motor_behind_a_gap_is_found_from_a_base_model_that_counts_it_to_the_cart():
+    """A first try from the split mass leads to the gap; from the whole one it is as much too heavy as the motor is."""
+    truth = {
+        "motor_gear_backlash.mass": 0.5 * RIG["m1"],
+        "motor_gear_backlash.gap": 0.3,
+        "motor_gear_backlash.kc": 30.0,
+    }
+    motors = [c for c in CANDIDATES if c.apart]
+    assert {c.id for c in motors} == {"motor_gear_backlash"}
+    with bench_of(data_set(truth, rig={**RIG, "m1": 0.5 * RIG["m1"]}, kinds=KINDS[2:5])) as bench:
+        whole = fit(bench, first_noise(bench, RIG), RIG, TWO_CARTS.free)
+        split = [(c, c.beside(whole.values, c.start)) for c in motors]
+        heavy = [(c, {**whole.values, **c.start}) for c in motors]
+        _, found = fit_candidates(whole, whole.metric, split)["motor_gear_backlash", "drivetrain"]
+        first, other = (
+            min(fit(bench, whole.metric, v, (*whole.names, *c.keys), iterations=4).cost for c, v in jobs)
+            for jobs in (split, heavy)
+        )
+    assert found.values["motor_gear_backlash.gap"] == pytest.approx(0.3, rel=0.1)
+    assert first < 0.7 * other
+
+
+def test_a_cart_gets_back_the_mass_that_a_candidate_had_taken():
+    motor = next(c for c in CANDIDATES if c.apart)
+    drive = motor.beside(RIG, motor.start)
+    assert drive["m1"] == pytest.approx(RIG["m1"] - motor.start["motor_gear_backlash.mass"])
+    assert without(motor, drive, TWO_CARTS.free)["m1"] == pytest.approx(RIG["m1"])
+    # a motor heavier than all that moves leaves the cart something
+    assert motor.beside(RIG, {"motor_gear_backlash.mass": 1.0})["m1"] > 0.0
