@@ -1,6 +1,7 @@
 """A diagnosis in plain words."""
 
 from baselines.report import words
+from identification.mismatch.answer.finding import Unnamed
 from tests.each import each
 
 
@@ -19,3 +20,15 @@ from tests.each import each
 )
 def test_what_has_no_name_is_said_by_what_it_follows(id_, where, text):
     assert words.at(id_, where) == text
+
+
+@each(
+    ("where", "text"),
+    [
+        ("cart_2", "a force on cart 2 most like breakaway"),
+        ("spring", "a force of the spring most like breakaway"),
+        ("encoder_1", "something at encoder 1 most like breakaway"),
+    ],
+)
+def test_an_effect_without_a_name_is_a_force_only_where_one_can_act(where, text):
+    assert words.nameless(Unnamed(where, 0.1, "most like breakaway")) == text
