@@ -139,7 +139,8 @@ def _number(value: float | None) -> str:
 def _findings(d: Diagnosis) -> Section:
     section = Section("Findings", "findings")
     if not d.findings:
-        section.text("None: no effect of the catalogue is significant.")
+        something = "something is significant that no effect of the catalogue describes"
+        section.text(f"None: {'no effect of the catalogue is significant' if d.unnamed is None else something}.")
         return section
     tied = any(f.ties for f in d.findings)
     rows = [
