@@ -139,8 +139,8 @@ def _number(value: float | None) -> str:
 def _findings(d: Diagnosis) -> Section:
     section = Section("Findings", "findings")
     if not d.findings:
-        something = "something is significant that no effect of the catalogue describes"
-        section.text(f"None: {'no effect of the catalogue is significant' if d.unnamed is None else something}.")
+        nothing = "no effect of the catalogue is significant"
+        section.text(f"None: {nothing if d.unnamed is None else 'what is significant has no name in the catalogue'}.")
         return section
     tied = any(f.ties for f in d.findings)
     rows = [
@@ -267,7 +267,7 @@ def _remains(d: Diagnosis, forces: Remaining) -> Section:
     if d.unnamed is not None:
         nearest = ", ".join(f"{words.effect_name(n)} (gains {s:.0%} of it)" for n, s in d.unnamed.nearest)
         lines.append(
-            f"Unnamed: {d.unnamed.share_of_error:.0%} of the squared error left is {words.nameless(d.unnamed)}. "
+            f"Unnamed: {d.unnamed.share_of_error:.0%} of the squared error left is {words.without_name(d.unnamed)}. "
             f"Nearest names: {nearest or 'none'}."
         )
     after = sorted((m for m in forces.after if m.explained >= 0.02), key=lambda m: -m.explained * m.size**2)

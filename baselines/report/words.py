@@ -26,10 +26,17 @@ def effect_name(id_: str) -> str:
 
 def at(id_: str, where: str) -> str:
     """Return "effect at place", or what a force that has no name follows."""
-    follows, place = followed(id_), where.replace("_", " ")
+    follows = followed(id_)
     if follows is None:
-        return f"{effect_name(id_)} at {place}"
-    return f"a force {'in the spring' if where == 'spring' else f'on {place}'} that follows {follows}"
+        return f"{effect_name(id_)} at {where.replace('_', ' ')}"
+    return f"{_something(where)} that follows {follows}"
+
+
+def _something(where: str) -> str:
+    """Return what acts at a place: a force only where one can."""
+    if where == "spring":
+        return "a force in the spring"
+    return f"{'a force on' if where.startswith('cart') else 'something at'} {where.replace('_', ' ')}"
 
 
 def by_number(name: str) -> list[tuple[float, str]]:
@@ -68,12 +75,9 @@ def within_reach(d: Diagnosis) -> float:
     return min(1.0, (d.before_rms**2 - d.after_rms**2) / above) if above > 0.0 else float("nan")
 
 
-def nameless(u: Unnamed) -> str:
+def without_name(u: Unnamed) -> str:
     """Return where an effect without a name acts, and like what."""
-    place = u.where.replace("_", " ")
-    if u.where.startswith("cart"):
-        return f"a force on {place} {u.acts_on}"
-    return f"a force of the spring {u.acts_on}" if u.where == "spring" else f"something at {place} {u.acts_on}"
+    return f"{_something(u.where)} {u.acts_on}"
 
 
 def verdict_sentences(d: Diagnosis) -> list[str]:
@@ -90,7 +94,7 @@ def verdict_sentences(d: Diagnosis) -> list[str]:
     if d.unnamed is not None:
         unnamed = (
             f"{d.unnamed.share_of_error:.0%} of the remaining squared error has no name in the catalogue: "
-            f"{nameless(d.unnamed)}."
+            f"{without_name(d.unnamed)}."
         )
     if d.verdict == "no_mismatch":
         return ["No left-out physics is needed: no effect of the catalogue is significant.", leaves]

@@ -63,15 +63,12 @@ class Candidate:
 
     def beside(self, values: Mapping[str, float], own: Mapping[str, float]) -> dict[str, float]:
         """Return a drive with the candidate, from whose base parameters is taken what they stood for."""
-        less = {}
-        for key, base in self.parts:
-            if base in values:
-                less[base] = max(values[base] - own.get(key, 0.0), _LEAST_PART * values[base])
-        return {**values, **less, **own}
+        taken = [(base, values[base], own[key]) for key, base in self.parts if base in values]
+        return {**values, **{base: max(whole - part, _LEAST_PART * whole) for base, whole, part in taken}, **own}
 
     @property
-    def apart(self) -> bool:
-        """Whether it is a mass that moves on its own before it meets the cart that a base model has it in."""
+    def behind_gap(self) -> bool:
+        """Whether it is a mass that moves on its own before it meets its cart."""
         return bool(self.parts) and any(key.endswith(".gap") for key, _ in self.shapes)
 
     def one(self, i: int) -> dict[str, float]:
@@ -124,6 +121,7 @@ def _of(effect: Effect, where: str, topology: Topology, reach: float | None) -> 
     takes = tuple(
         (effect.key(where, own), f"{base}{where[-1]}") for own, base in _TAKES_OVER.get(effect.id, {}).items()
     )
+    masses = {effect.key(where, name): base for name, base in _PARTS.get(effect.id, {}).items()}
     found = []
     grids = [[(effect.key(where, q.name), v) for v in q.starts] for q in shapes]
     for chosen in product(*grids):
@@ -131,7 +129,6 @@ def _of(effect: Effect, where: str, topology: Topology, reach: float | None) -> 
             levels = max(len(_levels(q)) for q in group)
             for level in range(levels):
                 own = tuple((effect.key(where, q.name), _levels(q)[min(level, len(_levels(q)) - 1)]) for q in group)
-                masses = {effect.key(where, name): base for name, base in _PARTS.get(effect.id, {}).items()}
                 parts = tuple((key, masses[key]) for key, _ in own if key in masses)
                 found.append(Candidate(effect.id, where, own, tuple(chosen), takes, parts))
     return found

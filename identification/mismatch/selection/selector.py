@@ -138,16 +138,17 @@ class Selector:
     def _name(self, step: Round) -> Scored | None:
         """Return what a round names: the first that a simulation needs, of the significant names where a free function won.
 
-        What gains less than half of the most may gain from what that one is, unless it brings the simulation near.
+        Another that gains less than half of the most may gain from what that is, unless it brings the simulation near.
         """
         significant = [s for s in step.scored if s.p <= self.level and s.total > 0.0 and not nameless(s)]
         half = MOST * max((s.total for s in significant), default=0.0)
         order = significant if nameless(step.best) else [step.best, *(s for s in significant if s is not step.best)]
-        relevant, large = self.settings.relevant, self.settings.large
-        return next(
-            (s for s in order[: _MORE + 1] if self._share(s, step.base) >= (relevant if s.total >= half else large)),
-            None,
-        )
+
+        def needed(s: Scored) -> bool:
+            least = self.settings.relevant if s is step.best or s.total >= half else self.settings.large
+            return self._share(s, step.base) >= least
+
+        return next((s for s in order[: _MORE + 1] if needed(s)), None)
 
     def _share(self, scored: Scored, base: Fit) -> float:
         """Return the share of the squared output error that a name takes off, beside what was named before."""

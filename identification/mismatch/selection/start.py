@@ -79,7 +79,8 @@ def candidate_starts(
     alike = [n for n in list(found)[most:] if any(n[0] in look_alikes(i) for i, _ in leading[:3])]
     jobs = [s for n in leading for s in found[n]] + [found[n][0] for n in alike]
     # a mass behind a gap is no small change: to first order its size says nothing
-    jobs += [(c, c.beside(base.values, c.start)) for c in candidates if c.apart and c.name in {*leading, *alike}]
+    masses = [c for c in candidates if c.behind_gap and c.name in (*leading, *alike)]
+    jobs += [(c, c.beside(base.values, c.start)) for c in masses]
     # what a cart at rest hides has no sensitivity: it is always asked for, with the friction that hides it taken over
     hidden = {c.name: c for c in candidates if c.takes and not any(k in base.values for k in c.keys)}
     for candidate in hidden.values():

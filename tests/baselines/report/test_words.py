@@ -26,9 +26,9 @@ def test_what_has_no_name_is_said_by_what_it_follows(id_, where, text):
     ("where", "text"),
     [
         ("cart_2", "a force on cart 2 most like breakaway"),
-        ("spring", "a force of the spring most like breakaway"),
+        ("spring", "a force in the spring most like breakaway"),
         ("encoder_1", "something at encoder 1 most like breakaway"),
     ],
 )
 def test_an_effect_without_a_name_is_a_force_only_where_one_can_act(where, text):
-    assert words.nameless(Unnamed(where, 0.1, "most like breakaway")) == text
+    assert words.without_name(Unnamed(where, 0.1, "most like breakaway")) == text

@@ -64,7 +64,7 @@ def test_a_motor_behind_a_gap_is_found_from_a_base_model_that_counts_it_to_the_c
         "motor_gear_backlash.gap": 0.3,
         "motor_gear_backlash.kc": 30.0,
     }
-    motors = [c for c in CANDIDATES if c.apart]
+    motors = [c for c in CANDIDATES if c.behind_gap]
     assert {c.id for c in motors} == {"motor_gear_backlash"}
     with bench_of(data_set(truth, rig={**RIG, "m1": 0.5 * RIG["m1"]}, kinds=KINDS[2:5])) as bench:
         whole = fit(bench, first_noise(bench, RIG), RIG, TWO_CARTS.free)
@@ -80,7 +80,7 @@ def test_a_motor_behind_a_gap_is_found_from_a_base_model_that_counts_it_to_the_c
 
 
 def test_a_cart_gets_back_the_mass_that_a_candidate_had_taken():
-    motor = next(c for c in CANDIDATES if c.apart)
+    motor = next(c for c in CANDIDATES if c.behind_gap)
     drive = motor.beside(RIG, motor.start)
     assert drive["m1"] == pytest.approx(RIG["m1"] - motor.start["motor_gear_backlash.mass"])
     assert without(motor, drive, TWO_CARTS.free)["m1"] == pytest.approx(RIG["m1"])
