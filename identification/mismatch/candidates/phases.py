@@ -1,11 +1,12 @@
 r"""Effects along the track whose phase differs from run to run, because recordings begin anywhere.
 
-A ripple :math:`a \sin(2\pi x/P + \varphi_r)` has one amplitude and one period, and in every recording a phase of its
-own. Its sine and
-cosine have random amplitudes with one common variance :math:`a^2`, estimated from the others. With the whitened columns S and the
-residual e of a recording the gain of log-likelihood is
+A ripple :math:`a \sin(2\pi x/P + \varphi_r)` has one amplitude and one period, and in every recording a phase of its own.
+With the whitened columns S of sine and cosine, turned and scaled until they do not correlate and have the information h
+each, and the residual e of a recording, the likelihood ratio is averaged over the phase,
 
-.. math:: \tfrac12\, e^T S (S^T S + a^{-2} I)^{-1} S^T e - \tfrac12 \log\det(I + a^2 S^T S) .
+.. math:: I_0\bigl(a |S^T e|\bigr)\, e^{-a^2 h / 2} ,
+
+and a is estimated from the other recordings.
 """
 
 from __future__ import annotations

@@ -19,12 +19,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import nnls
+from scipy.special import i0e
 
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.fitting.experiments import IntArray
 
 # variances of random amplitudes that are tried, relative to what the noise leaves of one recording's amplitude
 VARIANCES = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0)
+# squares of an amplitude that all recordings share, relative to the same
+SQUARES = tuple(2.0**k for k in range(13))
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +136,48 @@ def leave_one_out_variance(form: FloatArray, information: FloatArray, units: Int
     best = np.argmax(gain.sum(axis=1, keepdims=True) - gain, axis=0)
     most = np.argmax(gain[..., 0].sum(axis=1), axis=0)
     return np.take_along_axis(within, best[None], axis=0)[0], np.asarray(VARIANCES)[most] / typical
+
+
+def leave_one_out_amplitude(
+    form: FloatArray, information: FloatArray, units: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    r"""Return gains of an amplitude that all recordings share, of any phase in each, estimated from the other units.
+
+    With the gradient's square :math:`|g|^2` and the information h a recording has the likelihood ratio
+    :math:`I_0(a |g|)\, e^{-a^2 h / 2}`, averaged over the phase.
+
+    Parameters
+    ----------
+    form : ndarray, shape (R, P, data sets)
+        Squares of the pairs' gradients.
+    information : ndarray, shape (R, P)
+        Of each of a pair, which do not correlate.
+    units : ndarray of int, shape (R,)
+
+    Returns
+    -------
+    gain : ndarray, shape (U, P, data sets)
+        At most what that amplitude lets expect.
+    amplitude : ndarray, shape (P,)
+        Most likely one in the first data set.
+    """
+    typical = np.maximum(np.mean(information, axis=0), 1e-300)
+    size = np.sqrt(form)
+    gain = np.zeros((len(SQUARES), int(units.max()) + 1, *form.shape[1:]))
+    within = np.zeros_like(gain)
+    for v, relative in enumerate(SQUARES):
+        a = np.sqrt(relative / typical)
+        half = 0.5 * a**2 * information
+        x = a[:, None] * size
+        each = np.log(i0e(x)) + x - half[..., None]
+        most = np.log(i0e(2.0 * half)) + half
+        most_of_each = np.clip(each, -most[..., None], most[..., None])
+        for r, u in enumerate(units):
+            gain[v, u] += each[r]
+            within[v, u] += most_of_each[r]
+    best = np.argmax(gain.sum(axis=1, keepdims=True) - gain, axis=0)
+    most = np.argmax(gain[..., 0].sum(axis=1), axis=0)
+    return np.take_along_axis(within, best[None], axis=0)[0], np.sqrt(np.asarray(SQUARES)[most] / typical)
 
 
 def _solve(H: FloatArray, g: FloatArray, damping: float) -> FloatArray:

@@ -13,7 +13,7 @@ from identification.mismatch.candidates.free import Shape
 from identification.mismatch.candidates.narrow_band import Line, lines
 from identification.mismatch.candidates.phases import Phase
 from identification.mismatch.fitting.bench import Bench
-from identification.mismatch.fitting.score import bounded, leave_one_out_variance, shared
+from identification.mismatch.fitting.score import bounded, leave_one_out_amplitude, shared
 from identification.mismatch.selection.linear import Entry, Linear
 
 Name = tuple[str, str]
@@ -30,7 +30,7 @@ class Best:
     gain : ndarray, shape (U,)
         Per unit.
     variance
-        Of random amplitudes; ``None`` where all recordings share one.
+        Of the sine and the cosine of a ripple; ``None`` where all recordings share one change.
     """
 
     candidate: Candidate | Shape | Phase | Line
@@ -127,14 +127,14 @@ def _others(linear: Linear, residual: FloatArray, steps: FloatArray) -> FloatArr
 
 
 def _random(linear: Linear, rest: FloatArray, entries: Sequence[Entry]) -> list[tuple[FloatArray, float]]:
-    """Return the gains of effects whose amplitudes differ from run to run, and the variances of these."""
+    """Return the gains of effects whose phase differs from run to run, and the variances of their sines and cosines."""
     if not entries:
         return []
     return random_gains(linear.bench, linear.white[:, [c for e in entries for c in e.columns]], rest)
 
 
 def random_gains(bench: Bench, columns: FloatArray, rest: FloatArray) -> list[tuple[FloatArray, float]]:
-    """Return the gains of pairs of columns whose amplitudes differ from run to run, and the variances of these.
+    """Return the gains of pairs of columns with one amplitude and a phase of every run, and the variances of either.
 
     Parameters
     ----------
@@ -156,5 +156,6 @@ def random_gains(bench: Bench, columns: FloatArray, rest: FloatArray) -> list[tu
         turned = np.einsum("pij,pis->pjs", turn, g) * ratio[..., None]
         information.append(own)
         form.append(np.sum(turned**2, axis=1))
-    gain, variance = leave_one_out_variance(np.array(form), np.array(information), bench.units)
-    return [(gain[:, p], float(variance[p])) for p in range(pairs)]
+    gain, amplitude = leave_one_out_amplitude(np.array(form), np.array(information), bench.units)
+    # of a sine and a cosine each
+    return [(gain[:, p], 0.5 * float(amplitude[p]) ** 2) for p in range(pairs)]

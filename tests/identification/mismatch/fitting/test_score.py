@@ -1,8 +1,17 @@
 """Leave-one-recording-out by normal equations is what leaving out and fitting again is."""
 
 import numpy as np
+import pytest
 
-from identification.mismatch.fitting.score import Normal, bounded, gains, leave_one_out_variance, shared, studentised
+from identification.mismatch.fitting.score import (
+    Normal,
+    bounded,
+    gains,
+    leave_one_out_amplitude,
+    leave_one_out_variance,
+    shared,
+    studentised,
+)
 
 
 def _linear_problem(rng, recordings=5, rows=40, columns=3):
@@ -82,3 +91,22 @@ def test_random_amplitudes_gain_what_their_likelihood_says():
         np.full((10, 1, 1), 2.0 * information), np.full((10, 1), information), np.arange(10)
     )
     assert none.sum() < 0.0
+
+
+def test_a_ripple_has_one_amplitude_in_all_recordings():
+    """A local force that two recordings pass is no ripple, however large it is there."""
+    rng = np.random.default_rng(4)
+    information, amplitude = np.full((10, 1), 4.0), 2.0
+
+    def gradient(sizes):
+        phase = rng.uniform(0.0, 2.0 * np.pi, 10)
+        own = np.column_stack([np.cos(phase), np.sin(phase)]) * (4.0 * np.asarray(sizes))[:, None]
+        return np.sum((own + 2.0 * rng.normal(size=(10, 2))) ** 2, axis=1)[:, None, None]
+
+    everywhere, found = leave_one_out_amplitude(gradient(np.full(10, amplitude)), information, np.arange(10))
+    twice, _ = leave_one_out_amplitude(
+        gradient(np.r_[[amplitude * 5**0.5] * 2, np.zeros(8)]), information, np.arange(10)
+    )
+    assert found[0] == pytest.approx(amplitude, rel=0.3)
+    assert everywhere.sum() > 30.0
+    assert shared(twice[:, 0, 0]) < 0.3 * shared(everywhere[:, 0, 0])
