@@ -215,7 +215,7 @@ class _Result:
                 seconds=0.0,
                 p_value=significance_of(self.selection.rounds[0]),
                 split=replace(split, estimation=tuple(self.runs)),
-                notes=notes_of(drive, split, loops, self.bench.runs, units),
+                notes=notes_of(drive, split, loops, self.bench.runs, units, self.selection),
                 maps=tuple(maps),
                 harmonics=tuple(harmonics(forces, self.runs)),
                 forces=tuple(forces),

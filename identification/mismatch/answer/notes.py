@@ -8,18 +8,26 @@ import numpy as np
 
 from flexdrive_gym import Drive
 from flexdrive_gym.units import Units
+from identification.mismatch.answer.errors import rms
+from identification.mismatch.answer.finding import phrase
 from identification.mismatch.answer.verdict import RecordingFit
+from identification.mismatch.selection.selector import Selection
 from identification.mismatch.split import Split
 from identification.replay.output_error import Run, simulate_run
 
 # times as far as recordings went, a spring is looked at
 _FARTHER = 10.0
-# a logarithm's standard deviation under which friction is the same in all runs
+# a logarithm's standard deviation under which friction is the same in all runs, and a share of an error that is no difference
 _SAME = 0.01
 
 
 def notes_of(
-    drive: Drive, split: Split, loops: Sequence[RecordingFit], runs: Sequence[Run], units: Units
+    drive: Drive,
+    split: Split,
+    loops: Sequence[RecordingFit],
+    runs: Sequence[Run],
+    units: Units,
+    selection: Selection,
 ) -> tuple[str, ...]:
     """Return what a diagnosis rests on and what it cannot say."""
     notes = []
@@ -35,6 +43,13 @@ def notes_of(
             f"{_listed([f.recording for f in windows])}: the controller is unknown, so they are compared over "
             f"{windows[0].how}, each begun in the measured state"
         )
+    if (doubtful := selection.doubtful) is not None:
+        least = selection.rounds[-1].null.evidence(selection.level)
+        notes.append(
+            f"{phrase(doubtful.name[0])} gains {doubtful.total:.2g} units of log-likelihood, more than null draws do (p = "
+            f"{doubtful.p:.2g}), but the best of so many names must gain {least:.2g}: it is not named"
+        )
+    notes.extend(_loop_note(loops, unit, units) for unit in ("mm", "mm/s") if any(f.unit == unit for f in loops))
     spread = drive.run_to_run
     if spread is not None:
         each = {n: float(s) for n, s in zip(spread.names, np.sqrt(np.diag(spread.matrix)), strict=True)}
@@ -42,6 +57,20 @@ def notes_of(
         if told:
             notes.append(f"dry friction differs from run to run: {' and '.join(told)} (one standard deviation)")
     return (*notes, *_spring_notes(drive, runs, units))
+
+
+def _loop_note(loops: Sequence[RecordingFit], unit: str, units: Units) -> str:
+    """Say whether closed loops, which nothing was estimated from, bear the findings out."""
+    own = [f for f in loops if f.unit == unit]
+    before, after = (rms([getattr(f, at) for f in own]) for at in ("before_rms", "after_rms"))
+    old, new = (units.text(x, unit, 3) for x in (before, after))
+    one = len(own) == 1
+    counted = f"{'1 closed loop' if one else f'{len(own)} closed loops'}, which nothing was estimated from,"
+    if not abs(after - before) > _SAME * before:
+        return f"{counted} {'is' if one else 'are'} off by {new}, with or without what was found"
+    bears, speaks = ("bears", "speaks") if one else ("bear", "speak")
+    verdict = f"{bears} the findings out" if after < before else f"{speaks} against the findings"
+    return f"{counted} {verdict}: off by {old} before and {new} after"
 
 
 def _spring_notes(drive: Drive, runs: Sequence[Run], units: Units) -> tuple[str, ...]:

@@ -63,6 +63,8 @@ _NEIGHBOURS = 3
 _EDGE = 4.2
 # singular values under which a direction is lost in the noise
 _SEEN = 0.1
+# eigenvalues of sensitivities' correlations under which a direction is one of others
+_TOLD = 0.05
 
 
 @dataclass(frozen=True)
@@ -127,6 +129,9 @@ class Noise:
     weights : ndarray, shape (N,), or None
         Of rows whitened by the filter: below 1 where noise acts on friction and scatters them more widely than the
         filter expects.
+    spread : list of ndarray of float32, shape (rows of a recording, m)
+        Directions that are damped further, because simulations of this noise scatter more widely in them than its linear
+        model expects.
     cost
         Of the residual that it was estimated from: the negative logarithm of its probability density, but for a constant.
     """
@@ -138,6 +143,7 @@ class Noise:
     scale: Mapping[str, float] = field(default_factory=dict)
     modes: Sequence[SingleArray] = ()
     weights: FloatArray | None = None
+    spread: Sequence[SingleArray] = ()
     cost: float = 0.0
     _made: dict[int, Filter] = field(default_factory=dict, init=False, repr=False)
 
@@ -200,8 +206,7 @@ class Noise:
 
     def _damped(self, r: int, x: FloatArray) -> FloatArray:
         y = self._filtered(r, x)
-        if self.modes:
-            U = self.modes[r]
+        for U in (modes[r] for modes in (self.modes, self.spread) if modes and modes[r].size):
             # what is taken off needs no more than single precision, which is half the memory to go through
             y -= U @ (U.T @ y.astype(np.float32))
         return y
@@ -264,7 +269,10 @@ def estimate(
             scale = _scales(amplitude, variance, found)
         # what differs from run to run is no force that nobody knows
         rest = residual - np.concatenate([D[rows] @ a for rows, a in zip(bench.rows, amplitude, strict=True)])
-    return replace(noise, scale=scale, modes=_modes(bench, white[:, :-1], found, scale))
+    modes, logarithm = _modes(bench, white[:, :-1], found, scale)
+    noise = replace(noise, scale=scale, modes=modes)
+    e = noise.white(residual, bench.pool.map)
+    return replace(noise, cost=float(0.5 * (e @ e) + 0.5 * (noise.logarithm + logarithm)))
 
 
 def scattered(noise: Noise, rows: FloatArray, left: FloatArray, found: Sequence[Direction]) -> Noise:
@@ -290,13 +298,47 @@ def scattered(noise: Noise, rows: FloatArray, left: FloatArray, found: Sequence[
     return damped(replace(noise, weights=1.0 / np.sqrt(np.maximum(square, 1.0))), found)
 
 
+def dispersed(noise: Noise, columns: FloatArray, draws: FloatArray) -> tuple[Noise, FloatArray]:
+    r"""Return the noise that counts what its simulations tell for as much as they scatter, and their white rows.
+
+    Near breakaway a small constant force decides how far a cart creeps, and linear noise knows nothing of that. Within what
+    the parameters of the model and of candidates can change, simulated rows should have the covariance I. A direction whose
+    variance :math:`\lambda` is larger than the largest eigenvalue that so many white draws would show (V. A. Marchenko,
+    L. A. Pastur, 1967) is divided by :math:`\sqrt{\lambda}`: a score test with the covariance of its scores
+    (V. P. Godambe, 1960).
+
+    Parameters
+    ----------
+    columns : ndarray, shape (N, k)
+        Whitened sensitivities.
+    draws : ndarray, shape (N, draws)
+        Whitened rows of simulated data sets.
+    """
+    spread: list[SingleArray] = []
+    for rows in noise.bench.rows:
+        J = columns[rows]
+        J = J / np.maximum(np.linalg.norm(J, axis=0), 1e-300)
+        square, V = np.linalg.eigh(J.T @ J)
+        told = square > _TOLD
+        Q = J @ V[:, told] / np.sqrt(square[told])
+        scores = Q.T @ draws[rows]
+        variance, turn = np.linalg.eigh(scores @ scores.T / draws.shape[1])
+        wide = variance > (1.0 + np.sqrt(len(variance) / draws.shape[1])) ** 2
+        U = Q @ turn[:, wide] * np.sqrt(1.0 - 1.0 / np.sqrt(variance[wide]))
+        spread.append(np.asarray(U, dtype=np.float32))
+    white = draws.copy()
+    for rows, U in zip(noise.bench.rows, spread, strict=True):
+        white[rows] -= U @ (U.T @ draws[rows].astype(np.float32))
+    return replace(noise, spread=spread), white
+
+
 def damped(noise: Noise, found: Sequence[Direction]) -> Noise:
     """Return the noise with other run-to-run variability."""
     plain = replace(noise, modes=())
     if not found:
         return plain
     white = plain.innovations(np.column_stack([d.change * d.size for d in found]), noise.bench.pool.map)
-    return replace(plain, modes=_modes(noise.bench, white, found, noise.scale))
+    return replace(plain, modes=_modes(noise.bench, white, found, noise.scale)[0])
 
 
 def _level(bench: Bench, values: Values) -> tuple[float, float]:
@@ -376,8 +418,9 @@ def _scales(mean: FloatArray, variance: FloatArray, found: Sequence[Direction]) 
 
 def _modes(
     bench: Bench, white: FloatArray, found: Sequence[Direction], scale: Mapping[str, float]
-) -> list[SingleArray]:
-    modes = []
+) -> tuple[list[SingleArray], float]:
+    """Return what is damped, per recording, and the sum of the logarithms of the variances in these directions."""
+    modes, logarithm = [], 0.0
     sizes = np.array([scale[d.group] for d in found])
     for rows in bench.rows:
         # of a tall matrix, by its products
@@ -387,4 +430,5 @@ def _modes(
         s = np.sqrt(square[seen])
         U = D @ V[:, seen] / s
         modes.append(np.asarray(U * np.sqrt(1.0 - 1.0 / np.sqrt(1.0 + s**2)), dtype=np.float32))
-    return modes
+        logarithm += float(np.log1p(square[seen]).sum())
+    return modes, logarithm

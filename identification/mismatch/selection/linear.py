@@ -82,6 +82,11 @@ class Linear:
         """Columns of the base model."""
         return range(self.white.shape[1] - self.changes.shape[1])
 
+    @property
+    def shared(self) -> FloatArray:
+        """Return the whitened columns of what all recordings share, shape (N, k)."""
+        return self.white[:, [*self.base, *dict.fromkeys(c for e in self.entries if not e.random for c in e.columns)]]
+
     def moved(self, more: Sequence[int], step: FloatArray) -> FloatArray:
         """Return the raw residual after a step of the base model's parameters and of some columns."""
         model, p = self.model, len(self.base)

@@ -73,6 +73,15 @@ class Null:
         """Return how often the best of the catalogue gains as much where nothing is left out."""
         return float((1 + np.sum(self.largest >= self.score(name, gain))) / (len(self.largest) + 1))
 
+    def evidence(self, level: float) -> float:
+        """Return the gain that the best of the catalogue must have, whatever the draws say.
+
+        A gain in prediction is the logarithm of a likelihood ratio, which reaches x by chance in no more than one data set in x
+        (V. Vovk, R. Wang, Ann. Statist. 49, 2021), and there are so many names to choose from. Draws are as good as the model of
+        the noise; this holds for any.
+        """
+        return float(np.log(len(self.tail) / level))
+
 
 def _score(gain: FloatArray, often: float, index: float) -> FloatArray:
     """Return the decades by which a gain is rarer than the one of one draw in ten; below that, the share of it over one."""

@@ -149,7 +149,10 @@ def ranked(scored: Sequence[Scored], significant: Sequence[Scored]) -> list[Scor
     alike = [s for s in order if s is top or tied(top, s) or (s.name in names and not nameless(s) and s.total >= least)]
     first = min(alike, key=lambda s: (s.name not in names, nameless(s), s.size, -s.total))
     if first.name[0] in REFINE_FRICTION:
-        first = next((s for s in significant if s.name == ("coulomb_friction", first.name[1])), first)
+        plain = (
+            s for s in order if s.name == ("coulomb_friction", first.name[1]) and s.fit is not None and s.total > 0.0
+        )
+        first = next(plain, first)
     return [first, *(s for s in order if s is not first)]
 
 

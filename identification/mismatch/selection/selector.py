@@ -16,7 +16,7 @@ from identification.mismatch.candidates.phases import Phase
 from identification.mismatch.fitting.bench import Bench, Values
 from identification.mismatch.fitting.fit import Fit, fit, gain_of
 from identification.mismatch.fitting.score import shared
-from identification.mismatch.noise.estimate import Noise, damped, estimate, with_usual_forces
+from identification.mismatch.noise.estimate import Noise, damped, dispersed, estimate, with_usual_forces
 from identification.mismatch.noise.nuisance import Direction, directions, dry_level
 from identification.mismatch.selection.evaluate import Name, Table, evaluate, random_gains
 from identification.mismatch.selection.generous import WORTH, generous, ripples
@@ -68,6 +68,8 @@ class Selection:
         The candidates taken, in order, with their rounds.
     variability
         Run-to-run variability around the final model.
+    level
+        Of the test of a round.
     """
 
     rounds: tuple[Round, ...]
@@ -75,6 +77,14 @@ class Selection:
     model: Fit
     accepted: tuple[tuple[Scored, Round], ...]
     variability: tuple[Direction, ...]
+    level: float
+
+    @property
+    def doubtful(self) -> Scored | None:
+        """Return what no null draw explains in the last round, though it gains no more than chance can."""
+        last = self.rounds[-1]
+        rare = [s for s in last.scored if s.p <= self.level and s.total > 0.0]
+        return None if last.accepted else max(rare, key=lambda s: s.total, default=None)
 
 
 class Selector:
@@ -133,14 +143,14 @@ class Selector:
         if doubted is not None and not self._stand(taken[doubted:], rounds[doubted]):
             rounds, taken, base = rounds[: doubted + 1], taken[:doubted], rounds[doubted].base
         taken, base = self._backward(taken, base, rounds[-1])
-        return Selection(tuple(rounds), rounds[0].base, base, tuple(taken), rounds[-1].variability)
+        return Selection(tuple(rounds), rounds[0].base, base, tuple(taken), rounds[-1].variability, self.level)
 
     def _name(self, step: Round) -> Scored | None:
         """Return what a round names: the first that a simulation needs, of the significant names where a free function won.
 
         Another that gains less than half of the most may gain from what that is, unless it brings the simulation near.
         """
-        significant = [s for s in step.scored if s.p <= self.level and s.total > 0.0 and not nameless(s)]
+        significant = [s for s in self._significant(step.scored, step.null) if not nameless(s)]
         half = MOST * max((s.total for s in significant), default=0.0)
         order = significant if nameless(step.best) else [step.best, *(s for s in significant if s is not step.best)]
 
@@ -149,6 +159,11 @@ class Selector:
             return self._share(s, step.base) >= least
 
         return next((s for s in order[: _MORE + 1] if needed(s)), None)
+
+    def _significant(self, scored: Sequence[Scored], null: Null) -> list[Scored]:
+        """Return the candidates that gain more than data of this rig in which nothing is left out, and more than chance can."""
+        least = null.evidence(self.level)
+        return [s for s in scored if s.p <= self.level and s.total >= least]
 
     def _share(self, scored: Scored, base: Fit) -> float:
         """Return the share of the squared output error that a name takes off, beside what was named before."""
@@ -159,8 +174,13 @@ class Selector:
         return share_of_error(scored, fit(self.bench, levels, scored.fit.values, scored.fit.names))
 
     def _stand(self, names: Sequence[tuple[Scored, Round]], step: Round) -> bool:
-        """Whether names stand for the free function that won: together they gain most of what it gains."""
-        return sum(s.total for s, _ in names) >= MOST * step.best.total
+        """Whether names stand for the free function that won.
+
+        Together they gain most of what it gains, or one takes most of the error off the simulation.
+        """
+        return sum(s.total for s, _ in names) >= MOST * step.best.total or any(
+            self._share(s, own.base) >= MOST for s, own in names
+        )
 
     def _proposed(self, base: Fit) -> list[Start]:
         """Return candidates with parameters as the equation error sees them, where the simulation is far from the data."""
@@ -218,19 +238,25 @@ class Selector:
         fits: dict[Name, tuple[Candidate, Fit]] = {}
         for turn in range(2):
             # what is noise is told by a model that lacks nothing: one that has candidates linearly, around the best fit there is
-            found = (*directions(bench, model.values), *phases)
+            around = (*directions(bench, model.values), *phases)
             if turn == 0:
-                noise = estimate(bench, model.values, model.residual, found)
+                noise = estimate(bench, model.values, model.residual, around)
                 base = fit(bench, noise, base.values, base.names, near=base)
                 linear = self._linear(base, noise, candidates)
-                model, noise = self._freed(model, noise, linear, found, candidates)
+                model, noise = self._freed(model, noise, linear, around, candidates)
                 if model is not whole:
-                    found = (*directions(bench, model.values), *phases)
+                    around = (*directions(bench, model.values), *phases)
             near = model if len(model.names) > len(base.names) else base
             there = linear.around(near, noise)
             left = generous(there)
-            noise = estimate(bench, near.values, left, (*found, *ripples(there, left)), noise)
-            noise, first = first_draws(bench, base.values, noise, found, left, seed)
+            told = estimate(bench, near.values, left, (*around, *ripples(there, left)), noise)
+            if turn == 1 and told.cost > noise.cost:
+                # the account of the residual that there was is more probable
+                break
+            found = around
+            noise, first = first_draws(bench, base.values, told, found, left, seed)
+            linear = linear.around(base, noise)
+            noise, first = dispersed(noise, linear.shared, first)
             base = fit(bench, noise, base.values, base.names, near=base)
             linear = linear.around(base, noise)
             table = evaluate(linear, linear.residual[:, None])
@@ -282,7 +308,7 @@ class Selector:
             scored = scores(base, linear, table, fits, null, roughness)
         asked = {candidate.name for candidate, _ in leading}
         while True:
-            significant = [s for s in scored if s.p <= self.level and s.total > 0.0]
+            significant = self._significant(scored, null)
             order = ranked(scored, significant)
             named = [fits[s.name] for s in (order[0], *significant[:2]) if s.name in fits and s.name not in asked]
             asked |= {candidate.name for candidate, _ in named}
