@@ -7,13 +7,14 @@ error.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.candidates.catalogue import Candidate
-from identification.mismatch.fitting.bench import Bench
+from identification.mismatch.fitting.bench import Bench, Values
 from identification.mismatch.fitting.fit import Fit, fit
 from identification.mismatch.selection.optima import without
 from identification.mismatch.selection.ranking import Scored
@@ -65,8 +66,15 @@ def output_error(bench: Bench, near: Fit, *others: Fit) -> Fit:
     for _ in range(_ROUNDS):
         levels = Levels.of(bench, best.residual, *(o.residual for o in others))
         starts = [best.values, *({**best.values, **o.values} for o in others)]
-        best = min((fit(bench, levels, start, near.names) for start in starts), key=lambda f: f.cost)
+        best = min((held_first(bench, levels, start, near.names) for start in starts), key=lambda f: f.cost)
     return best
+
+
+def held_first(bench: Bench, levels: Levels, start: Values, names: Sequence[str]) -> Fit:
+    """Fit from a start, first the base parameters alone: a gap that friction of the wrong size has closed stays closed."""
+    plain = [n for n in names if "." not in n]
+    held = fit(bench, levels, start, plain).values if 0 < len(plain) < len(names) else start
+    return fit(bench, levels, held, names)
 
 
 def share_of_error(scored: Scored, best: Fit) -> float:

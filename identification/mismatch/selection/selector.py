@@ -20,7 +20,7 @@ from identification.mismatch.noise.estimate import Noise, damped, dispersed, est
 from identification.mismatch.noise.nuisance import Direction, directions, dry_level
 from identification.mismatch.selection.evaluate import Name, Table, evaluate, random_gains
 from identification.mismatch.selection.generous import WORTH, generous, ripples
-from identification.mismatch.selection.levels import Levels, share_of_error
+from identification.mismatch.selection.levels import Levels, held_first, share_of_error
 from identification.mismatch.selection.linear import Linear, linearise
 from identification.mismatch.selection.null import Null, first_draws, null_of
 from identification.mismatch.selection.optima import far, fit_base, fit_candidates, pruned, refit_base, without
@@ -171,7 +171,7 @@ class Selector:
             # one with a phase of its own in every recording
             return 1.0
         levels = Levels.of(self.bench, scored.fit.residual, base.residual)
-        return share_of_error(scored, fit(self.bench, levels, scored.fit.values, scored.fit.names))
+        return share_of_error(scored, held_first(self.bench, levels, scored.fit.values, scored.fit.names))
 
     def _stand(self, names: Sequence[tuple[Scored, Round]], step: Round) -> bool:
         """Whether names stand for the free function that won.
