@@ -139,7 +139,7 @@ def ranked(scored: Sequence[Scored], significant: Sequence[Scored]) -> list[Scor
     fewest parameters, one that is significant by itself before one that is not. A free function contains the names that follow
     its variable, so a name that gains most of what it gains stands for it; what that leaves is looked for in the next round. A
     refinement of dry friction is named beside the dry friction that it refines, not in its place (J. A. Nelder,
-    J. R. Stat. Soc. A 140, 1977): where a model has none, that comes first.
+    J. R. Stat. Soc. A 140, 1977): where a model has none, that comes first, be it significant by itself or not.
     """
     order = sorted(scored, key=lambda s: -s.total)
     names = {s.name for s in significant} or {order[0].name}
@@ -149,9 +149,8 @@ def ranked(scored: Sequence[Scored], significant: Sequence[Scored]) -> list[Scor
     alike = [s for s in order if s is top or tied(top, s) or (s.name in names and not nameless(s) and s.total >= least)]
     first = min(alike, key=lambda s: (s.name not in names, nameless(s), s.size, -s.total))
     if first.name[0] in REFINE_FRICTION:
-        plain = (
-            s for s in order if s.name == ("coulomb_friction", first.name[1]) and s.fit is not None and s.total > 0.0
-        )
+        fitted = {s.name for s in order if s.fit is not None and s.total > 0.0}
+        plain = (s for s in order if s.name == ("coulomb_friction", first.name[1]) and s.name in names | fitted)
         first = next(plain, first)
     return [first, *(s for s in order if s is not first)]
 
