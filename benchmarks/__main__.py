@@ -25,6 +25,7 @@ from benchmarks import (
     recordings,
     remaining_force,
     reversals,
+    rounds,
     sim_to_real,
     speed,
     term,
@@ -57,6 +58,7 @@ LONG = {
     "predictions": predictions.main,
     "remaining_force": remaining_force.main,
     "reversals": reversals.main,
+    "rounds": rounds.main,
     "sim_to_real": sim_to_real.main,
     "term": term.main,
 }

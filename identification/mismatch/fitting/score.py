@@ -15,6 +15,7 @@ most that the effect is there as the others predict it, or that it is not.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -122,20 +123,13 @@ def leave_one_out_variance(form: FloatArray, information: FloatArray, units: Int
     variance : ndarray, shape (P,)
         Most likely one in the first data set.
     """
-    typical = np.maximum(np.mean(information, axis=0), 1e-300)
-    gain = np.zeros((len(VARIANCES), int(units.max()) + 1, *form.shape[1:]))
-    within = np.zeros_like(gain)
-    for v, relative in enumerate(VARIANCES):
-        variance = relative / typical
+
+    def each(variance: FloatArray) -> tuple[FloatArray, FloatArray]:
         lost = np.log1p(variance * information)
-        each = 0.5 * form / (information + 1.0 / variance)[..., None] - lost[..., None]
-        most_of_each = np.minimum(each, (variance * information - lost)[..., None])
-        for r, u in enumerate(units):
-            gain[v, u] += each[r]
-            within[v, u] += most_of_each[r]
-    best = np.argmax(gain.sum(axis=1, keepdims=True) - gain, axis=0)
-    most = np.argmax(gain[..., 0].sum(axis=1), axis=0)
-    return np.take_along_axis(within, best[None], axis=0)[0], np.asarray(VARIANCES)[most] / typical
+        gain = 0.5 * form / (information + 1.0 / variance)[..., None] - lost[..., None]
+        return gain, np.minimum(gain, (variance * information - lost)[..., None])
+
+    return _from_others(each, VARIANCES, information, units)
 
 
 def leave_one_out_amplitude(
@@ -148,11 +142,8 @@ def leave_one_out_amplitude(
 
     Parameters
     ----------
-    form : ndarray, shape (R, P, data sets)
-        Squares of the pairs' gradients.
-    information : ndarray, shape (R, P)
-        Of each of a pair, which do not correlate.
-    units : ndarray of int, shape (R,)
+    form, information, units
+        As those of :func:`leave_one_out_variance`.
 
     Returns
     -------
@@ -161,23 +152,46 @@ def leave_one_out_amplitude(
     amplitude : ndarray, shape (P,)
         Most likely one in the first data set.
     """
-    typical = np.maximum(np.mean(information, axis=0), 1e-300)
     size = np.sqrt(form)
-    gain = np.zeros((len(SQUARES), int(units.max()) + 1, *form.shape[1:]))
-    within = np.zeros_like(gain)
-    for v, relative in enumerate(SQUARES):
-        a = np.sqrt(relative / typical)
-        half = 0.5 * a**2 * information
-        x = a[:, None] * size
-        each = np.log(i0e(x)) + x - half[..., None]
-        most = np.log(i0e(2.0 * half)) + half
-        most_of_each = np.clip(each, -most[..., None], most[..., None])
-        for r, u in enumerate(units):
-            gain[v, u] += each[r]
-            within[v, u] += most_of_each[r]
+
+    def each(square: FloatArray) -> tuple[FloatArray, FloatArray]:
+        a = np.sqrt(square)
+        x, half = a[:, None] * size, 0.5 * a**2 * information
+        gain = np.log(i0e(x)) + x - half[..., None]
+        return gain, bounded(gain, (np.log(i0e(2.0 * half)) + half)[..., None])
+
+    gain, square = _from_others(each, SQUARES, information, units)
+    return gain, np.sqrt(square)
+
+
+def _from_others(
+    each: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
+    grid: Sequence[float],
+    information: FloatArray,
+    units: IntArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return every unit's gains within what is expected, where the others put them, and the likeliest place of a grid.
+
+    Parameters
+    ----------
+    each
+        From a square of a pair's amplitudes, shape (P,), to the gains of all recordings, and these within what is expected,
+        shapes (R, P, data sets).
+    grid
+        Squares, relative to what the noise leaves of one recording's amplitude.
+    """
+    typical = np.maximum(np.mean(information, axis=0), 1e-300)
+
+    def per_unit(recordings: FloatArray) -> FloatArray:
+        found = np.zeros((int(units.max()) + 1, *recordings.shape[1:]))
+        np.add.at(found, units, recordings)
+        return found
+
+    parts = [[per_unit(gain) for gain in each(relative / typical)] for relative in grid]
+    gain, within = (np.stack(found) for found in zip(*parts, strict=True))
     best = np.argmax(gain.sum(axis=1, keepdims=True) - gain, axis=0)
-    most = np.argmax(gain[..., 0].sum(axis=1), axis=0)
-    return np.take_along_axis(within, best[None], axis=0)[0], np.sqrt(np.asarray(SQUARES)[most] / typical)
+    likeliest = np.argmax(gain[..., 0].sum(axis=1), axis=0)
+    return np.take_along_axis(within, best[None], axis=0)[0], np.asarray(grid)[likeliest] / typical
 
 
 def _solve(H: FloatArray, g: FloatArray, damping: float) -> FloatArray:

@@ -16,8 +16,9 @@ from identification.mismatch.candidates.phases import Phase
 from identification.mismatch.fitting.bench import Bench, Values
 from identification.mismatch.fitting.fit import Fit, fit, gain_of
 from identification.mismatch.fitting.score import shared
-from identification.mismatch.noise.estimate import Noise, damped, dispersed, estimate, with_usual_forces
+from identification.mismatch.noise.estimate import Noise, damped, estimate, with_usual_forces
 from identification.mismatch.noise.nuisance import Direction, directions, dry_level
+from identification.mismatch.noise.scatter import dispersed
 from identification.mismatch.selection.evaluate import Name, Table, evaluate, random_gains
 from identification.mismatch.selection.generous import WORTH, generous, ripples
 from identification.mismatch.selection.levels import Levels, held_first, share_of_error

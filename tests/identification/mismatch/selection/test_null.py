@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from identification.mismatch.noise.estimate import Forces, Noise, scattered
+from identification.mismatch.noise.estimate import Forces, Noise
+from identification.mismatch.noise.scatter import scattered
 from identification.mismatch.selection.null import Null, simulated
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import bench_of, data_set
