@@ -1,8 +1,8 @@
 """How a diagnosis came to its names on one concealed data set: every round's candidates, and how widely null draws scatter.
 
-``python -m benchmarks rounds SEED:NUMBER [...]`` makes the data set of that number of ``flexdrive blind --seed SEED`` and prints what
-is concealed, then for every round the largest variances of whitened null draws in each recording (1 where linear noise is all
-there is), the gain that chance can reach, and the leading candidates with gain and p-value. A minute each. It shows single
+``python -m benchmarks rounds SEED:NUMBER [...]`` makes the data set of that number of ``flexdrive blind --seed SEED``. It prints
+what is concealed, then for every round the largest variances of whitened null draws in each recording (1 where linear noise is
+all there is), the gain that chance can reach, and the leading candidates with gain and p-value. A minute each. It shows single
 cases, which steer decisions and prove nothing.
 """
 
@@ -45,8 +45,8 @@ def main() -> None:
             concealed = json.loads(truth.read_text(encoding="utf-8"))["effects"]
             names = [f"{e['id']} at {e['where']}, size {e['size']:g}" for e in concealed]
             print(f"\n{text}: {'; '.join(names) or 'nothing concealed'}", flush=True)
-            for number_, step in enumerate(_rounds(rig, trial.seed)):
-                _print(number_, step)
+            for i, step in enumerate(_rounds(rig, trial.seed)):
+                _print(i, step)
 
 
 def _rounds(rig: Path, seed: int) -> tuple[Round, ...]:
