@@ -48,9 +48,6 @@ class Settings:
         best of a grid of periods gains a few units where there is none.
     far
         Share of the signal's variance that a simulation misses, beyond which the equation error proposes candidates, too [1].
-    generous
-        Largest number of further candidates that the generous model takes in linearly: enough for what is left besides the
-        effect in question, few against the rows of one recording.
     draws
         Null draws: 480 resolve p = 0.002, and half of them are enough where no draw reaches what was found.
     few
@@ -87,7 +84,6 @@ class Settings:
     again: float = 20.0
     ripple: float = 10.0
     far: float = 0.05
-    generous: int = 6
     draws: int = 480
     few: int = 12
     rounds: int = 5

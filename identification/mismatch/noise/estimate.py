@@ -8,6 +8,10 @@ by what the amplitudes leave,
 
 .. math:: W_r = (I - U(1 - (1 + \lambda^2)^{-1/2}) U^T) F_r, \qquad F_r D_r S^{1/2} = U \lambda V^T .
 
+What nobody has named yet is no noise. Base parameters and all candidates change the rows by :math:`C b` in all recordings
+alike, with :math:`b \sim N(0, I)` in units of what each may well be. So b and the amplitudes are told together (C. R. Henderson,
+Biometrics 31, 1975), and the noise is that of what both leave.
+
 Five parameters are of the whole data set: intensities of white and of slow forces on each cart, and the slow ones'
 correlation time. They
 and :math:`S` maximise the likelihood of the residual. A recording has its own :math:`\lambda_r`, half of which is its
@@ -38,9 +42,6 @@ Across = Callable[[Callable[[int], FloatArray], Iterable[int]], Iterable[FloatAr
 WHITE, SLOW, TIME_S = 0.01, 0.1, 0.3
 # share of the command that unknown forces may have: more is something left out; white ones as their mean over so many seconds
 _MOST_OF_COMMAND, _MEAN_S = 0.1, 0.05
-# slow forces over those that a search begins with, from which on they may be something left out: where they are not, asking
-# costs time alone, for the more probable account is kept
-_UNUSUAL = 2.0
 # between a block and a run [s]
 _TIMES_S = (0.005, 10.0)
 # share of the command that dry friction has at least, where the search begins
@@ -210,20 +211,13 @@ def first_noise(bench: Bench, values: Values) -> Noise:
     return Noise(bench, dict(values), Forces.of(np.zeros(5), *_level(bench, values)), np.ones(len(bench.runs)))
 
 
-def with_usual_forces(noise: Noise) -> Noise | None:
-    """Return the noise with slow forces as a search for them begins; ``None`` where they are not much larger.
-
-    Forces that are unusually large are something left out, or hide it.
-    """
-    bench, forces = noise.bench, noise.forces
-    slow = Forces.of(np.zeros(5), *_level(bench, noise.values)).slow
-    if max(forces.slow[: bench.carts]) < _UNUSUAL * slow[0]:
-        return None
-    return replace(noise, forces=replace(forces, slow=slow))
-
-
 def estimate(
-    bench: Bench, values: Values, residual: FloatArray, found: Sequence[Direction], near: Noise | None = None
+    bench: Bench,
+    values: Values,
+    residual: FloatArray,
+    found: Sequence[Direction],
+    near: Noise | None = None,
+    common: FloatArray | None = None,
 ) -> Noise:
     """Return the noise that a residual shows.
 
@@ -232,11 +226,14 @@ def estimate(
     values
         Drive around which rows respond to forces.
     residual
-        Raw rows of a generous model: one that lacks nothing that could be named.
+        Its raw rows.
     found
         Run-to-run variability around it.
     near
         Noise of a residual like this one, from which the search begins.
+    common : ndarray, shape (N, k)
+        Raw changes of rows that all recordings may share, of amplitudes N(0, 1): parameters, and everything that could be
+        named. Noise is what these do not explain.
 
     Raises
     ------
@@ -249,23 +246,37 @@ def estimate(
         noise = replace(noise, forces=near.forces, own=near.own)
     if not found:
         return _likeliest(bench, noise, residual, level, _RADIUS[0])
+    common = np.empty((len(residual), 0)) if common is None else common
     D = np.column_stack([d.change * d.size for d in found])
     # expectation maximisation shrinks slowly what was large around another drive: it begins from the prior
     scale = {d.group: 1.0 for d in found}
     rest = residual
+    if common.shape[1]:
+        told = _Told.of(bench, noise, D, common, residual, found, scale)
+        rest = told.left(bench, D, common, residual)
     for radius in _RADIUS:
         if near is None or rest is not residual:
             noise = _likeliest(bench, noise, rest, level, radius)
-        white = noise.innovations(np.column_stack([D, residual]), bench.pool.map)
+        told = _Told.of(bench, noise, D, common, residual, found, scale)
         for _ in range(_MAXIMISATIONS):
-            amplitude, variance = _amplitudes(bench, white, found, scale)
-            scale = _scales(amplitude, variance, found)
+            scale = _scales(told.amplitude, told.variance, found)
+            told = told.with_scale(found, scale)
         # what differs from run to run is no force that nobody knows
-        rest = residual - np.concatenate([D[rows] @ a for rows, a in zip(bench.rows, amplitude, strict=True)])
-    modes, logarithm = _modes(bench, white[:, :-1], found, scale)
+        rest = told.left(bench, D, common, residual)
+    white = told.white
+    modes, logarithm = _modes(bench, white[:, : len(found)], found, scale)
     noise = replace(noise, scale=scale, modes=modes)
-    e = noise.white(residual, bench.pool.map)
+    e = noise.white(residual - common @ told.common, bench.pool.map)
     return replace(noise, cost=float(0.5 * (e @ e) + 0.5 * (noise.logarithm + logarithm)))
+
+
+def unexplained(noise: Noise, residual: FloatArray, common: FloatArray) -> FloatArray:
+    """Return the raw residual without what changes explain that all recordings share, shape (N,)."""
+    if not common.shape[1]:
+        return residual
+    white = noise.white(np.column_stack([common, residual]), noise.bench.pool.map)
+    C, e = white[:, :-1], white[:, -1]
+    return np.asarray(residual - common @ np.linalg.solve(C.T @ C + np.eye(C.shape[1]), C.T @ e))
 
 
 def damped(noise: Noise, found: Sequence[Direction]) -> Noise:
@@ -329,18 +340,69 @@ def _own(bench: Bench, noise: Noise, rest: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.clip(share * square + (1.0 - share), 0.1, 10.0)))
 
 
-def _amplitudes(
-    bench: Bench, white: FloatArray, found: Sequence[Direction], scale: Mapping[str, float]
-) -> tuple[FloatArray, FloatArray]:
-    """Return the most probable amplitudes of every recording and their variances, relative to the prior, shape (R, k)."""
-    prior = np.diag([scale[d.group] ** -2.0 for d in found])
-    mean, variance = [], []
-    for rows in bench.rows:
-        D, e = white[rows, :-1], white[rows, -1]
-        covariance = np.linalg.inv(D.T @ D + prior)
-        mean.append(covariance @ (D.T @ e))
-        variance.append(np.diag(covariance))
-    return np.array(mean), np.array(variance)
+@dataclass(frozen=True, eq=False)
+class _Told:
+    """Amplitudes of run-to-run variability, and of what all recordings share, as rows whitened by the filter tell them.
+
+    Attributes
+    ----------
+    white : ndarray, shape (N, k + m + 1)
+        Directions, common changes, and the residual.
+    products : ndarray, shape (R, k + m + 1, k + m + 1)
+        Of every recording.
+    amplitude, variance : ndarray, shape (R, k)
+        Most probable amplitudes relative to the prior, and their variances.
+    common : ndarray, shape (m,)
+        By how much what all recordings share is to be taken off the residual.
+    """
+
+    white: FloatArray
+    products: FloatArray
+    amplitude: FloatArray
+    variance: FloatArray
+    common: FloatArray
+
+    @classmethod
+    def of(
+        cls,
+        bench: Bench,
+        noise: Noise,
+        D: FloatArray,
+        common: FloatArray,
+        residual: FloatArray,
+        found: Sequence[Direction],
+        scale: Mapping[str, float],
+    ) -> _Told:
+        white = noise.innovations(np.column_stack([D, common, residual]), bench.pool.map)
+        products = np.array([white[rows].T @ white[rows] for rows in bench.rows])
+        none = np.empty(0)
+        return cls(white, products, none, none, none).with_scale(found, scale)
+
+    def with_scale(self, found: Sequence[Direction], scale: Mapping[str, float]) -> _Told:
+        """Return the amplitudes for other standard deviations, by Henderson's equations (C. R. Henderson, 1975)."""
+        k = len(found)
+        prior = np.diag([scale[d.group] ** -2.0 for d in found])
+        covariance = np.linalg.inv(self.products[:, :k, :k] + prior)
+        # of common changes and the residual: the amplitudes that they alone would have, and what these leave
+        own = covariance @ self.products[:, :k, k:]
+        rest = np.sum(self.products[:, k:, k:] - self.products[:, k:, :k] @ own, axis=0)
+        variance = np.diagonal(covariance, axis1=1, axis2=2)
+        if rest.shape[0] == 1:
+            return replace(self, amplitude=own[..., -1], variance=variance, common=np.empty(0))
+        spread = np.linalg.inv(rest[:-1, :-1] + np.eye(len(rest) - 1))
+        common = spread @ rest[:-1, -1]
+        shared = own[..., :-1]
+        return replace(
+            self,
+            amplitude=own[..., -1] - shared @ common,
+            variance=variance + np.einsum("rki,ij,rkj->rk", shared, spread, shared),
+            common=common,
+        )
+
+    def left(self, bench: Bench, D: FloatArray, common: FloatArray, residual: FloatArray) -> FloatArray:
+        """Return the raw residual without amplitudes and what all recordings share, shape (N,)."""
+        own = np.concatenate([D[rows] @ a for rows, a in zip(bench.rows, self.amplitude, strict=True)])
+        return np.asarray(residual - own - common @ self.common)
 
 
 def _scales(mean: FloatArray, variance: FloatArray, found: Sequence[Direction]) -> dict[str, float]:

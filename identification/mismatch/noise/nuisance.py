@@ -3,17 +3,18 @@ r"""Run-to-run variability: what differs between recordings of any rig, and is n
 On cart c it is a force
 
 .. math:: -\operatorname{sgn}(v_c)\, d_c \Bigl(l + \sum_k w_k \Lambda_k(t) + \sum_j r_j \sin(2\pi x_c/\lambda_j + \varphi_j)\Bigr)
-   - g\, b_c v_c + \sum_j h_j \sin(2\pi x_c/\lambda_j + \varphi_j) + c ,
+   - g\, b_c v_c + \sum_j h_j \sin(2\pi x_c/\lambda_j + \varphi_j) ,
 
-with a friction level l, hat functions :math:`\Lambda_k` every two seconds, wavelengths half an octave apart, viscous
-friction g and a constant c; the deflection in which the spring starts; the time between command and reading, which is
+with a friction level l, hat functions :math:`\Lambda_k` every two seconds, wavelengths half an octave apart and viscous
+friction g; the deflection in which the spring starts; the time between command and reading, which is
 known to a sample at best; and the hysteresis of an encoder, a fraction of a count.
 Amplitudes are random effects of every recording. The prior standard deviations of forces that dry friction scales
 were measured on ``mte360_2022`` and ``mte360_2025`` (replicates of the same command, ``python -m benchmarks blind_nuisance``),
 relative to the rig's own dry friction, so that they carry over to rigs of other scales: roughness to that of its cart,
-for it is friction, hills and constant forces to that of both carts, for they pull at a cart that rolls easily, too. That of
+for it is friction, hills to that of both carts, for they pull at a cart that rolls easily, too. A constant force has no
+direction of its own: to a run that moves by less than a wave a hill is one, the same hill for all that begin nearby. That of
 viscous friction, half of dry friction's, and the hysteresis are assumptions. Each cart has scales of its own, and the spectrum of
-its track is estimated in three bands: how long the waves of a track are differs from track to track.
+its track is estimated in four bands: how long the waves of a track are differs from track to track.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ from scipy.ndimage import gaussian_filter1d
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.fitting.bench import Bench, Values
 
-# relative to the Coulomb level: between runs, within a run, along the track; and forces along the track and constant ones
-LEVEL, WANDER, ROUGH, HILLS, CONSTANT = 0.06, 0.04, 0.026, 0.011, 0.03
+# relative to the Coulomb level: between runs, within a run, along the track; and forces along the track
+LEVEL, WANDER, ROUGH, HILLS = 0.06, 0.04, 0.026, 0.011
 # viscous friction between runs, relative to itself; not measured, its scale is estimated
 VISCOUS = 0.03
 # a spring starts anywhere within the friction of the easier cart: uniform, ±0.7 of it
@@ -40,7 +41,12 @@ INSTANT = 0.29
 # an encoder's own hysteresis: its reading reverses a little after the cart, [counts]; not measured, and not estimated: what all
 # recordings share would shrink it
 HYSTERESIS = 0.05
-WAVES_MM = {"short": (4.0, 6.0, 9.0), "medium": (13.5, 20.0, 30.0), "long": (45.0, 68.0, 100.0)}
+WAVES_MM = {
+    "short": (4.0, 6.0, 9.0),
+    "medium": (13.5, 20.0, 30.0),
+    "long": (45.0, 68.0, 100.0),
+    "very long": (150.0, 225.0, 340.0),
+}
 KNOT_S = 2.0
 # spread of the places where recordings begin
 PLACE_MM = 25.0
@@ -110,7 +116,7 @@ def _on_cart(bench: Bench, values: Values, c: int, typical: float) -> list[Push]
     """Return the forces on one cart; ``typical`` is the mean dry friction of all carts [V]."""
     cart, own, b = f"of cart {c + 1}", dry_level(values, c), values.get(f"b{c + 1}", 0.0)
     ones = [np.full(len(run.u), typical) for run in bench.runs]
-    made = [Push(f"constant force {cart}", CONSTANT, partial(_shaped, c, ones, None))]
+    made: list[Push] = []
     along = [(f"hills {cart}", HILLS, ones)]
     if b > 0.0:
         drag = [-b * speed(run.measured[c], run.sample_time, positions=run.positions) for run in bench.runs]

@@ -18,6 +18,11 @@ from identification.mismatch.fitting.fit import Fit, resolved
 from identification.mismatch.fitting.score import Normal
 from identification.mismatch.noise.estimate import Noise
 
+# standard deviations of what all recordings may share: of parameters as a fit scales them, of candidates over their usual sizes
+_PARAMETER, _LARGE = 0.3, 3.0
+# information under which noise hides a change of unit variance
+_HIDDEN = 0.05
+
 
 @dataclass(frozen=True, eq=False)
 class Entry:
@@ -86,6 +91,23 @@ class Linear:
     def shared(self) -> FloatArray:
         """Return the whitened columns of what all recordings share, shape (N, k)."""
         return self.white[:, [*self.base, *dict.fromkeys(c for e in self.entries if not e.random for c in e.columns)]]
+
+    @property
+    def common(self) -> FloatArray:
+        """Return raw changes that all recordings may share, each as large as it may well be, shape (N, m)."""
+        sizes = dict.fromkeys(self.base, _PARAMETER)
+        for e in self.entries:
+            if isinstance(e.candidate, Candidate):
+                sizes |= {c: _LARGE * abs(s) for c, (_, s) in zip(e.columns, e.candidate.sizes, strict=True)}
+            elif isinstance(e.candidate, Shape):
+                sizes |= dict.fromkeys(e.columns, _LARGE * e.candidate.size)
+        use, size, first = list(sizes), np.array(list(sizes.values())), len(self.base)
+        inner = self.model.jacobian[:, self.model.interior]
+        raw = np.column_stack([inner, self.changes[:, [c - first for c in use[first:]]]]) * size
+        white = self.white[:, use] * size
+        square, V = np.linalg.eigh(white.T @ white)
+        # what noise hides is left out
+        return np.asarray(raw @ V[:, square > _HIDDEN])
 
     def moved(self, more: Sequence[int], step: FloatArray) -> FloatArray:
         """Return the raw residual after a step of the base model's parameters and of some columns."""

@@ -149,7 +149,7 @@ def ranked(scored: Sequence[Scored], significant: Sequence[Scored]) -> list[Scor
     alike = [s for s in order if s is top or tied(top, s) or (s.name in names and not nameless(s) and s.total >= least)]
     first = min(alike, key=lambda s: (s.name not in names, nameless(s), s.size, -s.total))
     if first.name[0] in REFINE_FRICTION:
-        fitted = {s.name for s in order if s.fit is not None and s.total > 0.0}
+        fitted = {s.name for s in order if s.fit is not None}
         plain = (s for s in order if s.name == ("coulomb_friction", first.name[1]) and s.name in names | fitted)
         first = next(plain, first)
     return [first, *(s for s in order if s is not first)]

@@ -4,53 +4,36 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.candidates.catalogue import Candidate, catalogue, look_alikes
-from identification.mismatch.candidates.free import Shape, shapes
-from identification.mismatch.candidates.narrow_band import Line
-from identification.mismatch.candidates.phases import Phase
+from identification.mismatch.candidates.free import shapes
 from identification.mismatch.fitting.bench import Bench, Values
 from identification.mismatch.fitting.fit import Fit, fit, gain_of
 from identification.mismatch.fitting.score import shared
-from identification.mismatch.noise.estimate import Noise, damped, estimate, with_usual_forces
+from identification.mismatch.noise.estimate import Noise, damped, estimate, first_noise, unexplained
 from identification.mismatch.noise.nuisance import Direction, directions, dry_level
 from identification.mismatch.noise.scatter import dispersed
 from identification.mismatch.selection.evaluate import Name, Table, evaluate, random_gains
-from identification.mismatch.selection.generous import WORTH, generous, ripples
 from identification.mismatch.selection.levels import Levels, held_first, share_of_error
 from identification.mismatch.selection.linear import Linear, linearise
 from identification.mismatch.selection.null import Null, first_draws, null_of
 from identification.mismatch.selection.optima import far, fit_base, fit_candidates, pruned, refit_base, without
 from identification.mismatch.selection.ranking import MOST, Round, Scored, dispensable, nameless, ranked, scores
+from identification.mismatch.selection.ripples import ripples
 from identification.mismatch.selection.start import Start, candidate_starts, far_starts
 from identification.topology import Topology
 
 Say = Callable[[str], None]
-# significant candidates that are tried beside what was named, and the iterations of a try: it only tells what is noise
-_MORE, _TRY = 3, 4
+# significant names that are asked after the first one
+_MORE = 3
 
 
 def _absent(candidates: Sequence[Candidate], base: Fit) -> set[str]:
     """Return the base parameters that candidates can take over and that this model does not have."""
     return {taken for c in candidates for _, taken in c.takes if taken not in base.names}
-
-
-def _part(candidate: Candidate, base: Fit, whole: Fit) -> dict[str, float]:
-    return {k: v for k, v in whole.values.items() if k in base.values or k in candidate.keys}
-
-
-def _both(before: Values, one: Values, other: Values, candidate: Candidate | Shape | Phase | Line) -> dict[str, float]:
-    """Return a drive with the changes of two drives: parameters change by the product of their ratios."""
-
-    def ratio(key: str) -> float:
-        return other[key] / before[key] if before.get(key, 0.0) > 0.0 < other.get(key, 0.0) else 1.0
-
-    takes = dict(candidate.takes) if isinstance(candidate, Candidate) else {}
-    return {**other, **{k: v * ratio(takes.get(k, k)) for k, v in one.items()}}
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,12 +106,12 @@ class Selector:
         rounds: list[Round] = []
         taken: list[tuple[Scored, Round]] = []
         proposed = self._proposed(base)
-        whole = self._near(base, proposed)
+        near = self._near(base, proposed)
         # where a free function won, and names are tried in its place
         doubted: int | None = None
         while len(rounds) < self.settings.rounds:
             self.say(f"round {len(rounds) + 1}")
-            step = self._round(base, whole, phases, taken, () if rounds else proposed)
+            step = self._round(base, near, phases, taken, () if rounds else proposed)
             rounds.append(step)
             base = step.base
             name = self._name(step) if step.accepted else None
@@ -140,7 +123,7 @@ class Selector:
             taken.append((name, own))
             phases = (*phases, *name.variability)
             base = name.fit or base
-            whole = self._whole(base, own)
+            near = base
         if doubted is not None and not self._stand(taken[doubted:], rounds[doubted]):
             rounds, taken, base = rounds[: doubted + 1], taken[:doubted], rounds[doubted].base
         taken, base = self._backward(taken, base, rounds[-1])
@@ -205,29 +188,10 @@ class Selector:
         best = min((f for _, f in fits.values()), key=lambda f: f.cost, default=base)
         return best if best.cost < (1.0 - self.settings.large) * base.cost else base
 
-    def _whole(self, base: Fit, last: Round) -> Fit:
-        """Return the model with whatever else was significant beside what the last round named, as far as it still gains."""
-        model = base
-        for s in [s for s in last.scored[1:] if s.p <= self.level and s.fit is not None and not s.variability][:_MORE]:
-            assert s.fit is not None
-            assert isinstance(s.candidate, Candidate)
-            if any(k in model.values for k in s.candidate.keys):
-                continue
-            names = (*model.names, *s.candidate.keys)
-            starts = (
-                {**model.values, **{k: s.fit.values[k] for k in s.candidate.keys}},
-                _both(last.base.values, model.values, s.fit.values, last.best.candidate),
-            )
-            tried = partial(fit, self.bench, last.noise, names=names, iterations=_TRY)
-            more = min(self.bench.pool.map(tried, starts), key=lambda f: f.cost)
-            if more.cost < model.cost - WORTH * len(s.candidate.keys):
-                model = more
-        return model
-
     def _round(
         self,
         base: Fit,
-        whole: Fit,
+        near: Fit,
         phases: tuple[Direction, ...],
         taken: Sequence[tuple[Scored, Round]],
         proposed: Sequence[Start],
@@ -235,37 +199,36 @@ class Selector:
         bench, seed = self.bench, [self.seed, len(taken)]
         named = {s.name for s, _ in taken}
         candidates = [c for c in self.candidates if c.name not in named]
-        model = whole
+        started, model = base, near
         fits: dict[Name, tuple[Candidate, Fit]] = {}
+        noise: Noise | None = None
+        linear: Linear | None = None
         for turn in range(2):
-            # what is noise is told by a model that lacks nothing: one that has candidates linearly, around the best fit there is
             around = (*directions(bench, model.values), *phases)
-            if turn == 0:
-                noise = estimate(bench, model.values, model.residual, around)
-                base = fit(bench, noise, base.values, base.names, near=base)
-                linear = self._linear(base, noise, candidates)
-                model, noise = self._freed(model, noise, linear, around, candidates)
-                if model is not whole:
-                    around = (*directions(bench, model.values), *phases)
-            near = model if len(model.names) > len(base.names) else base
-            there = linear.around(near, noise)
-            left = generous(there)
-            told = estimate(bench, near.values, left, (*around, *ripples(there, left)), noise)
-            if turn == 1 and told.cost > noise.cost:
+            # what is noise is told beside all that could be named, around the best model there is
+            there = self._linear(model, noise or first_noise(bench, model.values), candidates)
+            common = there.common
+            told = estimate(bench, model.values, model.residual, around, noise, common)
+            if noise is not None and told.cost > noise.cost:
                 # the account of the residual that there was is more probable
                 break
+            left = unexplained(told, model.residual, common)
+            if more := ripples(there.around(model, told), left):
+                told = estimate(bench, model.values, model.residual, (*around, *more), told, common)
             found = around
+            base = fit(bench, told, base.values, base.names, near=base)
             noise, first = first_draws(bench, base.values, told, found, left, seed)
+            if linear is None:
+                linear = there if model is started else self._linear(base, noise, candidates)
             linear = linear.around(base, noise)
             noise, first = dispersed(noise, linear.shared, first)
             base = fit(bench, noise, base.values, base.names, near=base)
             linear = linear.around(base, noise)
             table = evaluate(linear, linear.residual[:, None])
-            apart = (whole,) if model is whole else (whole, model)
             jobs = [(c, f.values) for c, f in fits.values()] or [
                 *self._jobs(base, linear, table, first, candidates),
                 *((c, {**base.values, **own}) for c, own in proposed),
-                *((c, _part(c, base, m)) for m in apart for c in candidates if all(k in m.values for k in c.keys)),
+                *((c, near.values) for c in candidates if all(k in near.values for k in c.keys)),
             ]
             # what gains so much is told again, with noise around it
             enough = 2.0 * self.settings.again if turn == 0 else np.inf
@@ -273,6 +236,7 @@ class Selector:
             model = min((f for _, f in fits.values()), key=lambda f: f.cost, default=base)
             if model.cost > base.cost - enough:
                 break
+        assert linear is not None
         return self._judged(linear, first, fits, found, candidates, seed)
 
     def _judged(
@@ -325,31 +289,6 @@ class Selector:
         level = max(dry_level(base.values, c) for c in range(self.bench.carts))
         free = shapes(self.bench, base.values, max(0.05, 0.1 * level))
         return linearise(self.bench, noise, base, candidates, free)
-
-    def _freed(
-        self, model: Fit, noise: Noise, linear: Linear, found: Sequence[Direction], candidates: Sequence[Candidate]
-    ) -> tuple[Fit, Noise]:
-        """Return the model with the candidate that explains what unknown forces have taken, if that is more probable.
-
-        Forces and physics that is left out compete for the same residual. Where slow forces are unusually large,
-        candidates are fitted with forces of a usual size, and the more probable account of the residual is kept, with its noise:
-        in the old one whatever a linear change adds to the new model would count for little.
-        """
-        quiet = with_usual_forces(noise)
-        if quiet is None:
-            return model, noise
-        base = linear.model
-        around = linear.around(base, quiet)
-        table = evaluate(around, around.residual[:, None])
-        order = sorted(table.total, key=lambda n: -float(table.total[n][0]))
-        jobs = [
-            *candidate_starts(base, around, table, candidates, order, self.settings.proposals),
-            *((c, {**base.values, **own}) for c, own in self._seen_far(base, candidates)),
-        ]
-        best = min((f for _, f in fit_candidates(base, quiet, jobs).values()), key=lambda f: f.cost, default=base)
-        other = estimate(self.bench, best.values, best.residual, found, quiet)
-        more = len(best.names) - len(model.names)
-        return (best, other) if other.cost + WORTH * more < noise.cost else (model, noise)
 
     def _jobs(
         self, base: Fit, linear: Linear, table: Table, first: FloatArray, candidates: Sequence[Candidate]

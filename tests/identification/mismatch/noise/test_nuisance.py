@@ -27,7 +27,7 @@ def test_a_command_may_fall_anywhere_within_a_sample(bench):
 def test_every_cart_has_its_own_friction_and_ripples(bench):
     groups = {d.group for d in directions(bench, RIG)}
     for cart in ("of cart 1", "of cart 2"):
-        assert {f"{what} {cart}" for what in ("friction", "viscous friction", "constant force", "wander")} <= groups
+        assert {f"{what} {cart}" for what in ("friction", "viscous friction", "wander")} <= groups
         assert {f"{what} {cart}, {band}" for what in ("rough track", "hills") for band in WAVES_MM} <= groups
     assert "start deflection" in groups
 
