@@ -37,7 +37,7 @@ def scattered(noise: Noise, rows: FloatArray, left: FloatArray, found: Sequence[
     rows : ndarray, shape (N, draws)
         Raw rows of simulated data sets.
     left : ndarray, shape (N,)
-        Raw rows of a generous model.
+        Raw rows without what all recordings share explains.
     """
     bench = noise.bench
     square = np.mean(noise.white(rows, bench.pool.map) ** 2, axis=1)

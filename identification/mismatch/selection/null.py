@@ -93,7 +93,7 @@ def _score(gain: FloatArray, often: float, index: float) -> FloatArray:
 def first_draws(
     bench: Bench, values: Values, noise: Noise, found: Sequence[Direction], left: FloatArray, seed: Sequence[int]
 ) -> tuple[Noise, FloatArray]:
-    """Return the noise with the weights that simulations of it and what a generous model left tell, and their whitened rows.
+    """Return the noise with the weights that simulations of it and unexplained rows tell, and their whitened rows.
 
     Returns
     -------

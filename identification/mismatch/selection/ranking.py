@@ -139,7 +139,7 @@ def ranked(scored: Sequence[Scored], significant: Sequence[Scored]) -> list[Scor
     fewest parameters, one that is significant by itself before one that is not. A free function contains the names that follow
     its variable, so a name that gains most of what it gains stands for it; what that leaves is looked for in the next round. A
     refinement of dry friction is named beside the dry friction that it refines, not in its place (J. A. Nelder,
-    J. R. Stat. Soc. A 140, 1977): where a model has none, that comes first, be it significant by itself or not.
+    J. R. Stat. Soc. A 140, 1977): where a model has none, that comes first, whatever it gains by itself.
     """
     order = sorted(scored, key=lambda s: -s.total)
     names = {s.name for s in significant} or {order[0].name}

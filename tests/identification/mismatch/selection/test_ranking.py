@@ -1,5 +1,7 @@
 """Which candidate is named: by gains that no single experiment decides, ties by paired scores, names before free functions."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from identification.mismatch.candidates.catalogue import Candidate
@@ -51,6 +53,9 @@ def test_dry_friction_comes_before_what_refines_it():
     refined, plain = at_cart("stribeck", gain, "cart_2"), at_cart("coulomb_friction", 0.8 * gain, "cart_2")
     elsewhere = at_cart("coulomb_friction", 0.9 * gain, "cart_1")
     assert ranked([refined, elsewhere, plain], [refined, elsewhere, plain])[0] is plain
+    # it need not gain by itself: the refinement does not describe what it would (Nelder)
+    alone = replace(at_cart("coulomb_friction", -0.1 * gain, "cart_2"), fit=object())
+    assert ranked([refined, alone], [refined])[0] is alone
     # beside it the refinement is named
     assert ranked([refined], [refined])[0] is refined
 
