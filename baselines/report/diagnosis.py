@@ -13,6 +13,7 @@ from baselines.report import words
 from baselines.report.fault_table import add_faults
 from baselines.report.page import Section, render
 from flexdrive_gym import __version__
+from identification.mismatch.answer.finding import percent
 from identification.mismatch.answer.remaining import Remaining, remaining
 from identification.mismatch.answer.suggest import Suggestion
 from identification.mismatch.answer.verdict import Diagnosis
@@ -267,7 +268,7 @@ def _remains(d: Diagnosis, forces: Remaining) -> Section:
     if d.unnamed is not None:
         nearest = ", ".join(f"{words.effect_name(n)} (gains {s:.0%} of it)" for n, s in d.unnamed.nearest)
         lines.append(
-            f"Unnamed: {d.unnamed.share_of_error:.0%} of the squared error left is {words.without_name(d.unnamed)}. "
+            f"Unnamed: {percent(d.unnamed.share_of_error)} of the squared error left is {words.without_name(d.unnamed)}. "
             f"Nearest names: {nearest or 'none'}."
         )
     after = sorted((m for m in forces.after if m.explained >= 0.02), key=lambda m: -m.explained * m.size**2)

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 from baselines.lab.prediction_names import prediction_name
 from flexdrive_gym.drive.effects import EFFECTS
-from identification.mismatch.answer.finding import Finding, Unnamed
+from identification.mismatch.answer.finding import Finding, Unnamed, percent
 from identification.mismatch.answer.verdict import Diagnosis, Interval, Prediction, RecordingFit
 from identification.mismatch.candidates.free import followed
 from identification.quantities import HANDOUT_RATIOS
@@ -93,7 +93,7 @@ def verdict_sentences(d: Diagnosis) -> list[str]:
     unnamed = ""
     if d.unnamed is not None:
         unnamed = (
-            f"{d.unnamed.share_of_error:.0%} of the remaining squared error has no name in the catalogue: "
+            f"{percent(d.unnamed.share_of_error).capitalize()} of the remaining squared error has no name in the catalogue: "
             f"{without_name(d.unnamed)}."
         )
     if d.verdict == "no_mismatch":

@@ -194,6 +194,11 @@ class Unnamed:
         return {"where": self.where, "share_of_error": self.share_of_error, "acts_on": self.acts_on, "nearest": near}
 
 
+def percent(share: float) -> str:
+    """Return a share in words: what is not quite nothing is not called 0%."""
+    return "less than 1%" if 0.0 < share < 0.005 else f"{share:.0%}"
+
+
 def phrase(id_: str) -> str:
     """Return an effect's name in words."""
     return id_.replace("_", " ")

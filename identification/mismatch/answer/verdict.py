@@ -10,7 +10,7 @@ from typing import Any, Literal
 from flexdrive_gym import Drive
 from flexdrive_gym.recording import Fault
 from flexdrive_gym.units import LAB, Units
-from identification.mismatch.answer.finding import Finding, Unnamed
+from identification.mismatch.answer.finding import Finding, Unnamed, percent
 from identification.mismatch.answer.homogeneity import Homogeneity
 from identification.mismatch.force.maps import Harmonics, Located, Map
 from identification.mismatch.force.missing_force import MissingForce
@@ -225,7 +225,7 @@ class Diagnosis:
         if self.unnamed is not None:
             u = self.unnamed
             lines.append(
-                f"unnamed: {u.share_of_error:.0%} of the squared error, on {u.where.replace('_', ' ')}, {u.acts_on}."
+                f"unnamed: {percent(u.share_of_error)} of the squared error, on {u.where.replace('_', ' ')}, {u.acts_on}."
             )
         return "\n".join([*lines, *self.notes])
 

@@ -15,7 +15,7 @@ from baselines.report.diagnosis import _tiles
 from baselines.report.diagnosis_pictures import shown_recording
 from flexdrive_gym.recording import Fault
 from flexdrive_gym.units import Units
-from identification.mismatch.answer.finding import Curve, Estimate, Finding, Named, Unnamed
+from identification.mismatch.answer.finding import Curve, Estimate, Finding, Named, Unnamed, percent
 from identification.mismatch.answer.homogeneity import Homogeneity
 from identification.mismatch.answer.verdict import Interval, Prediction, RecordingFit, in_units
 from identification.mismatch.force.maps import Located, Map
@@ -86,6 +86,7 @@ def test_the_verdict_in_words():
     assert "Stribeck effect at cart 1" in text
     assert "from 8 to 5 mm/s" in text
     assert "30% of the remaining squared error has no name" in text
+    assert [percent(x) for x in (0.0, 1e-3, 0.3)] == ["0%", "less than 1%", "30%"]
     assert "No left-out physics" in words.verdict_sentences(diagnosis())[0]
 
 
