@@ -27,10 +27,9 @@ _TOLD = 0.05
 def scattered(noise: Noise, rows: FloatArray, left: FloatArray, found: Sequence[Direction]) -> Noise:
     """Return the noise with less weight on rows that are no normal noise.
 
-    Near rest a little force decides whether a cart slips. Rows there are further from each other in simulations of the
-    same drive than noise and run-to-run variability account for, and no candidate may gain from them. Nor may it from a
-    blow: what is far outside of a normal distribution counts as if it were at its edge (P. J. Huber, Ann. Math. Statist. 35,
-    1964).
+    Near rest a little force decides whether a cart slips. Rows there are as far from each other in simulations of the
+    same drive as they are from the data, and no candidate may gain from them. Nor may it from a blow: what is far outside of a
+    normal distribution counts as if it were at its edge (P. J. Huber, Ann. Math. Statist. 35, 1964).
 
     Parameters
     ----------
@@ -40,7 +39,8 @@ def scattered(noise: Noise, rows: FloatArray, left: FloatArray, found: Sequence[
         Raw rows without what all recordings share explains.
     """
     bench = noise.bench
-    square = np.mean(noise.white(rows, bench.pool.map) ** 2, axis=1)
+    # innovations, with the variability that is damped later on: its directions are a sketch of how friction differs near rest
+    square = np.mean(noise.innovations(rows, bench.pool.map) ** 2, axis=1)
     blows = (noise.white(left) / _EDGE) ** 2
     for p in bench.pieces:
         square[p.rows] = maximum_filter1d(uniform_filter1d(square[p.rows], _NEIGHBOURS), _NEIGHBOURS)
