@@ -42,6 +42,9 @@ Across = Callable[[Callable[[int], FloatArray], Iterable[int]], Iterable[FloatAr
 WHITE, SLOW, TIME_S = 0.01, 0.1, 0.3
 # share of the command that unknown forces may have: more is something left out; white ones as their mean over so many seconds
 _MOST_OF_COMMAND, _MEAN_S = 0.1, 0.05
+# slow forces over those that a search begins with, from which on they may be something left out: where they are not, asking
+# costs time alone, for the more probable account is kept
+_UNUSUAL = 2.0
 # between a block and a run [s]
 _TIMES_S = (0.005, 10.0)
 # share of the command that dry friction has at least, where the search begins
@@ -209,6 +212,18 @@ class Noise:
 def first_noise(bench: Bench, values: Values) -> Noise:
     """Return the noise before anything is known of it."""
     return Noise(bench, dict(values), Forces.of(np.zeros(5), *_level(bench, values)), np.ones(len(bench.runs)))
+
+
+def with_usual_forces(noise: Noise) -> Noise | None:
+    """Return the noise with slow forces as a search for them begins; ``None`` where they are not much larger.
+
+    Forces that are unusually large are something left out, or hide it.
+    """
+    bench, forces = noise.bench, noise.forces
+    slow = Forces.of(np.zeros(5), *_level(bench, noise.values)).slow
+    if max(forces.slow[: bench.carts]) < _UNUSUAL * slow[0]:
+        return None
+    return replace(noise, forces=replace(forces, slow=slow))
 
 
 def estimate(

@@ -18,7 +18,7 @@ from identification.mismatch.selection.start import base_starts
 from identification.topology import Topology
 
 # log-likelihood that another optimum must gain: of as many parameters, more than chance
-_WORTH = 2.0
+WORTH = 2.0
 # iterations of a first try from every start, and the share of a start's sizes that a second one has
 _TRY = 4
 _SMALL = 0.1
@@ -148,7 +148,7 @@ def refit_base(base: Fit, noise: Noise, fits: Sequence[tuple[Candidate, Fit]]) -
     again = [base, *base.bench.pool.map(one, fits)]
     costs = np.array([f.cost for f in again])
     best = again[int(np.argmin(costs))]
-    return (best if best.cost < base.cost - _WORTH else base), float(0.5 * (np.median(costs) - costs.min()))
+    return (best if best.cost < base.cost - WORTH else base), float(0.5 * (np.median(costs) - costs.min()))
 
 
 def pruned(base: Fit, noise: Noise, scored: Sequence[Scored], significant: Sequence[Scored]) -> list[Scored]:

@@ -13,14 +13,14 @@ from identification.mismatch.candidates.free import shapes
 from identification.mismatch.fitting.bench import Bench, Values
 from identification.mismatch.fitting.fit import Fit, fit, gain_of
 from identification.mismatch.fitting.score import shared
-from identification.mismatch.noise.estimate import Noise, damped, estimate, first_noise, unexplained
+from identification.mismatch.noise.estimate import Noise, damped, estimate, first_noise, unexplained, with_usual_forces
 from identification.mismatch.noise.nuisance import Direction, directions, dry_level
 from identification.mismatch.noise.scatter import dispersed
 from identification.mismatch.selection.evaluate import Name, Table, evaluate, random_gains
 from identification.mismatch.selection.levels import Levels, held_first, share_of_error
 from identification.mismatch.selection.linear import Linear, linearise
 from identification.mismatch.selection.null import Null, first_draws, null_of
-from identification.mismatch.selection.optima import far, fit_base, fit_candidates, pruned, refit_base, without
+from identification.mismatch.selection.optima import WORTH, far, fit_base, fit_candidates, pruned, refit_base, without
 from identification.mismatch.selection.ranking import MOST, Round, Scored, dispensable, nameless, ranked, scores
 from identification.mismatch.selection.ripples import ripples
 from identification.mismatch.selection.start import Start, candidate_starts, far_starts
@@ -212,6 +212,12 @@ class Selector:
             if noise is not None and told.cost > noise.cost:
                 # the account of the residual that there was is more probable
                 break
+            if noise is None:
+                freed, told = self._freed(model, told, there, around, candidates)
+                if freed is not model:
+                    model, around = freed, (*directions(bench, freed.values), *phases)
+                    there = self._linear(model, told, candidates)
+                    common = there.common
             left = unexplained(told, model.residual, common)
             if more := ripples(there.around(model, told), left):
                 told = estimate(bench, model.values, model.residual, (*around, *more), told, common)
@@ -289,6 +295,32 @@ class Selector:
         level = max(dry_level(base.values, c) for c in range(self.bench.carts))
         free = shapes(self.bench, base.values, max(0.05, 0.1 * level))
         return linearise(self.bench, noise, base, candidates, free)
+
+    def _freed(
+        self, model: Fit, noise: Noise, linear: Linear, found: Sequence[Direction], candidates: Sequence[Candidate]
+    ) -> tuple[Fit, Noise]:
+        """Return the model with the candidate that explains what unknown forces have taken, if that is more probable.
+
+        Forces and physics that is left out compete for the same residual. Where slow forces are unusually large,
+        candidates are fitted with forces of a usual size, and the more probable account of the residual is kept, with its noise:
+        in the old one whatever a linear change adds to the new model would count for little.
+        """
+        quiet = with_usual_forces(noise)
+        if quiet is None:
+            return model, noise
+        base = linear.model
+        around = linear.around(base, quiet)
+        table = evaluate(around, around.residual[:, None])
+        order = sorted(table.total, key=lambda n: -float(table.total[n][0]))
+        jobs = [
+            *candidate_starts(base, around, table, candidates, order, self.settings.proposals),
+            *((c, {**base.values, **own}) for c, own in self._seen_far(base, candidates)),
+        ]
+        best = min((f for _, f in fit_candidates(base, quiet, jobs).values()), key=lambda f: f.cost, default=base)
+        common = self._linear(best, quiet, candidates).common
+        other = estimate(self.bench, best.values, best.residual, found, quiet, common)
+        more = len(best.names) - len(model.names)
+        return (best, other) if other.cost + WORTH * more < noise.cost else (model, noise)
 
     def _jobs(
         self, base: Fit, linear: Linear, table: Table, first: FloatArray, candidates: Sequence[Candidate]

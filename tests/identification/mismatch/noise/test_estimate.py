@@ -1,11 +1,12 @@
 """Unknown forces of a data set, and what they must not take over."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from identification.mismatch.noise.estimate import estimate, first_noise
+from identification.mismatch.noise.estimate import estimate, first_noise, with_usual_forces
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import bench_of, data_set
 
@@ -14,6 +15,22 @@ from tests.identification.mismatch.lab import bench_of, data_set
 def bench():
     with bench_of(data_set()) as made:
         yield made
+
+
+def test_forces_of_a_usual_size_are_left_as_they_are(bench):
+    noise = estimate(bench, RIG, bench.residual(RIG), ())
+    assert max(noise.forces.slow) < 0.1
+    assert with_usual_forces(noise) is None
+
+
+def test_forces_at_the_most_they_may_be_are_made_small(bench):
+    noise = first_noise(bench, RIG)
+    command = np.sqrt(np.mean(np.concatenate([run.u for run in bench.runs]) ** 2))
+    most = replace(noise, forces=replace(noise.forces, slow=(0.1 * command, 0.0)))
+    small = with_usual_forces(most)
+    assert small is not None
+    assert max(small.forces.slow) < 0.5 * max(most.forces.slow)
+    assert small.forces.white == most.forces.white
 
 
 def test_what_was_left_out_makes_a_residual_less_probable():
