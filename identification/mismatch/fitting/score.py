@@ -182,12 +182,9 @@ def _from_others(
     """
     typical = np.maximum(np.mean(information, axis=0), 1e-300)
 
-    def per_unit(recordings: FloatArray) -> FloatArray:
-        found = np.zeros((int(units.max()) + 1, *recordings.shape[1:]))
-        np.add.at(found, units, recordings)
-        return found
+    member = np.equal.outer(np.arange(int(units.max()) + 1), units).astype(np.float64)
 
-    parts = [[per_unit(gain) for gain in each(relative / typical)] for relative in grid]
+    parts = [[np.tensordot(member, gain, axes=1) for gain in each(relative / typical)] for relative in grid]
     gain, within = (np.stack(found) for found in zip(*parts, strict=True))
     best = np.argmax(gain.sum(axis=1, keepdims=True) - gain, axis=0)
     likeliest = np.argmax(gain[..., 0].sum(axis=1), axis=0)

@@ -32,6 +32,7 @@ from scipy.optimize import minimize
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.fitting.bench import Bench, Values
 from identification.mismatch.noise.nuisance import Direction, dry_level
+from identification.mismatch.noise.told import Told, scales
 from identification.mismatch.noise.whiten import Filter, transitions
 
 SingleArray = NDArray[np.float32]
@@ -263,25 +264,26 @@ def estimate(
         return _likeliest(bench, noise, residual, level, _RADIUS[0])
     common = np.empty((len(residual), 0)) if common is None else common
     D = np.column_stack([d.change * d.size for d in found])
+    columns = np.column_stack([D, common, residual])
+
+    def told(noise: Noise, scale: Mapping[str, float]) -> Told:
+        return Told.of(noise.innovations(columns, bench.pool.map), bench.rows, found, scale)
+
     # expectation maximisation shrinks slowly what was large around another drive: it begins from the prior
     scale = {d.group: 1.0 for d in found}
-    rest = residual
-    if common.shape[1]:
-        told = _Told.of(bench, noise, D, common, residual, found, scale)
-        rest = told.left(bench, D, common, residual)
+    rest = told(noise, scale).left(bench, D, common, residual) if common.shape[1] else residual
     for radius in _RADIUS:
         if near is None or rest is not residual:
             noise = _likeliest(bench, noise, rest, level, radius)
-        told = _Told.of(bench, noise, D, common, residual, found, scale)
+        now = told(noise, scale)
         for _ in range(_MAXIMISATIONS):
-            scale = _scales(told.amplitude, told.variance, found)
-            told = told.with_scale(found, scale)
+            scale = scales(now.amplitude, now.variance, found)
+            now = now.with_scale(found, scale)
         # what differs from run to run is no force that nobody knows
-        rest = told.left(bench, D, common, residual)
-    white = told.white
-    modes, logarithm = _modes(bench, white[:, : len(found)], found, scale)
+        rest = now.left(bench, D, common, residual)
+    modes, logarithm = _modes(bench, now.white[:, : len(found)], found, scale)
     noise = replace(noise, scale=scale, modes=modes)
-    e = noise.white(residual - common @ told.common, bench.pool.map)
+    e = noise.white(residual - common @ now.common, bench.pool.map)
     return replace(noise, cost=float(0.5 * (e @ e) + 0.5 * (noise.logarithm + logarithm)))
 
 
@@ -353,80 +355,6 @@ def _own(bench: Bench, noise: Noise, rest: FloatArray) -> FloatArray:
     square = np.array([float(w[rows] @ w[rows]) for rows in bench.rows]) / count
     share = bench.settings.own_share
     return np.asarray(np.sqrt(np.clip(share * square + (1.0 - share), 0.1, 10.0)))
-
-
-@dataclass(frozen=True, eq=False)
-class _Told:
-    """Amplitudes of run-to-run variability, and of what all recordings share, as rows whitened by the filter tell them.
-
-    Attributes
-    ----------
-    white : ndarray, shape (N, k + m + 1)
-        Directions, common changes, and the residual.
-    products : ndarray, shape (R, k + m + 1, k + m + 1)
-        Of every recording.
-    amplitude, variance : ndarray, shape (R, k)
-        Most probable amplitudes relative to the prior, and their variances.
-    common : ndarray, shape (m,)
-        By how much what all recordings share is to be taken off the residual.
-    """
-
-    white: FloatArray
-    products: FloatArray
-    amplitude: FloatArray
-    variance: FloatArray
-    common: FloatArray
-
-    @classmethod
-    def of(
-        cls,
-        bench: Bench,
-        noise: Noise,
-        D: FloatArray,
-        common: FloatArray,
-        residual: FloatArray,
-        found: Sequence[Direction],
-        scale: Mapping[str, float],
-    ) -> _Told:
-        white = noise.innovations(np.column_stack([D, common, residual]), bench.pool.map)
-        products = np.array([white[rows].T @ white[rows] for rows in bench.rows])
-        none = np.empty(0)
-        return cls(white, products, none, none, none).with_scale(found, scale)
-
-    def with_scale(self, found: Sequence[Direction], scale: Mapping[str, float]) -> _Told:
-        """Return the amplitudes for other standard deviations, by Henderson's equations (C. R. Henderson, 1975)."""
-        k = len(found)
-        prior = np.diag([scale[d.group] ** -2.0 for d in found])
-        covariance = np.linalg.inv(self.products[:, :k, :k] + prior)
-        # of common changes and the residual: the amplitudes that they alone would have, and what these leave
-        own = covariance @ self.products[:, :k, k:]
-        rest = np.sum(self.products[:, k:, k:] - self.products[:, k:, :k] @ own, axis=0)
-        variance = np.diagonal(covariance, axis1=1, axis2=2)
-        if rest.shape[0] == 1:
-            return replace(self, amplitude=own[..., -1], variance=variance, common=np.empty(0))
-        spread = np.linalg.inv(rest[:-1, :-1] + np.eye(len(rest) - 1))
-        common = spread @ rest[:-1, -1]
-        shared = own[..., :-1]
-        return replace(
-            self,
-            amplitude=own[..., -1] - shared @ common,
-            variance=variance + np.einsum("rki,ij,rkj->rk", shared, spread, shared),
-            common=common,
-        )
-
-    def left(self, bench: Bench, D: FloatArray, common: FloatArray, residual: FloatArray) -> FloatArray:
-        """Return the raw residual without amplitudes and what all recordings share, shape (N,)."""
-        own = np.concatenate([D[rows] @ a for rows, a in zip(bench.rows, self.amplitude, strict=True)])
-        return np.asarray(residual - own - common @ self.common)
-
-
-def _scales(mean: FloatArray, variance: FloatArray, found: Sequence[Direction]) -> dict[str, float]:
-    """Return the groups' standard deviations, one step of expectation maximisation; what all recordings share is physics."""
-    own = np.var(mean, axis=0) + variance.mean(axis=0)
-    groups = sorted({d.group for d in found})
-    square = {g: float(np.mean([o for o, d in zip(own, found, strict=True) if d.group == g])) for g in groups}
-    limits = {d.group: (d.least, d.most) for d in found}
-    return {g: float(np.clip(np.sqrt(s), *limits[g])) for g, s in square.items()}
 
 
 def _modes(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import chain
 
 import numpy as np
@@ -92,7 +93,7 @@ class Linear:
         """Return the whitened columns of what all recordings share, shape (N, k)."""
         return self.white[:, [*self.base, *dict.fromkeys(c for e in self.entries if not e.random for c in e.columns)]]
 
-    @property
+    @cached_property
     def common(self) -> FloatArray:
         """Return raw changes that all recordings may share, each as large as it may well be, shape (N, m)."""
         sizes = dict.fromkeys(self.base, _PARAMETER)
@@ -104,8 +105,8 @@ class Linear:
         use, size, first = list(sizes), np.array(list(sizes.values())), len(self.base)
         inner = self.model.jacobian[:, self.model.interior]
         raw = np.column_stack([inner, self.changes[:, [c - first for c in use[first:]]]]) * size
-        white = self.white[:, use] * size
-        square, V = np.linalg.eigh(white.T @ white)
+        information = self.products.sum(axis=0)[np.ix_(use, use)]
+        square, V = np.linalg.eigh(information * np.outer(size, size))
         # what noise hides is left out
         return np.asarray(raw @ V[:, square > _HIDDEN])
 

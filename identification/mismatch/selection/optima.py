@@ -8,13 +8,14 @@ from functools import partial
 
 import numpy as np
 
-from identification.mismatch.candidates.catalogue import Candidate
+from flexdrive_gym.drive.parameters import parameter
+from identification.mismatch.candidates.catalogue import Candidate, look_alikes
 from identification.mismatch.fitting.bench import Bench, Values
 from identification.mismatch.fitting.fit import Fit, Metric, fit, gain_of, resolved
 from identification.mismatch.noise.estimate import Noise, first_noise
 from identification.mismatch.selection.evaluate import Name
 from identification.mismatch.selection.ranking import Scored, tied
-from identification.mismatch.selection.start import base_starts
+from identification.mismatch.selection.start import Start, base_starts
 from identification.topology import Topology
 
 # log-likelihood that another optimum must gain: of as many parameters, more than chance
@@ -22,6 +23,8 @@ WORTH = 2.0
 # iterations of a first try from every start, and the share of a start's sizes that a second one has
 _TRY = 4
 _SMALL = 0.1
+# share of an effect that stands for its derivative
+_LITTLE = 0.1
 
 
 def fit_base(bench: Bench, topology: Topology, known: Values) -> Fit:
@@ -70,6 +73,13 @@ def fit_candidates(
     ahead = sorted(best, key=lambda n: best[n][1].cost)[: bench.settings.finished]
     leading = list(dict.fromkeys([*ahead, *asked[: bench.settings.finished // 2]]))
     return best | _ended(base, noise, {n: best[n] for n in leading})
+
+
+def nearest(
+    fits: Mapping[Name, tuple[Candidate, Fit]], others: Mapping[Name, tuple[Candidate, Fit]]
+) -> dict[Name, tuple[Candidate, Fit]]:
+    """Return every candidate's better one of two fits."""
+    return {**fits, **{n: own for n, own in others.items() if n not in fits or own[1].cost < fits[n][1].cost}}
 
 
 def _tried(base: Fit, noise: Metric, jobs: Sequence[tuple[Candidate, Values]]) -> dict[Name, tuple[Candidate, Fit]]:
@@ -149,6 +159,45 @@ def refit_base(base: Fit, noise: Noise, fits: Sequence[tuple[Candidate, Fit]]) -
     costs = np.array([f.cost for f in again])
     best = again[int(np.argmin(costs))]
     return (best if best.cost < base.cost - WORTH else base), float(0.5 * (np.median(costs) - costs.min()))
+
+
+def imitating(base: Fit, noise: Noise, candidates: Sequence[Candidate], leader: Candidate, there: Fit) -> list[Start]:
+    """Return the look-alikes of a candidate beside its base parameters, as large as they must be to do what it does.
+
+    Two names for one force have one optimum, which a fit from elsewhere need not reach. What one must be to stand for a little of
+    the other is told around the drive with that one, where both are what they are.
+
+    Parameters
+    ----------
+    candidates
+        All of them, in all shapes.
+    leader, there
+        The candidate that looks like others, and the drive with it.
+    """
+    names = look_alikes(leader.id)
+    # a mass behind a gap is no small change
+    alike = [
+        c for c in candidates if c.id in names and not c.behind_gap and not any(k in there.values for k, _ in c.sizes)
+    ]
+    less = {k: there.values[k] - _LITTLE * (there.values[k] - parameter(k).null) for k, _ in leader.sizes}
+    more = [c.one(i) | {k: _LITTLE * v for k, v in c.sizes[i : i + 1]} for c in alike for i in range(len(c.sizes))]
+    drives = [{**there.values, **own} for own in (less, *more)]
+    sound = [resolved(values) for values in drives]
+    moved = base.bench.residuals([values if ok else there.values for values, ok in zip(drives, sound, strict=True)])
+    done, *columns = noise.white((np.column_stack(moved) - there.residual[:, None]) / _LITTLE).T
+    values, best = without(leader, there.values, base.names), dict[Name, tuple[float, Start]]()
+    at = iter(columns)
+    for candidate in alike:
+        # columns are of the usual sizes, and what the leader does is the change from less of it
+        own = np.column_stack([next(at) for _ in candidate.sizes])
+        sizes, *_ = np.linalg.lstsq(own, -done, rcond=None)
+        left = float(np.sum((done + own @ sizes) ** 2))
+        start = dict(candidate.shapes)
+        for (key, usual), size in zip(candidate.sizes, sizes, strict=True):
+            start[key] = float(np.clip(size * usual, parameter(key).lower, parameter(key).upper))
+        if candidate.name not in best or left < best[candidate.name][0]:
+            best[candidate.name] = left, (candidate, {**values, **start})
+    return [start for _, start in best.values()]
 
 
 def pruned(base: Fit, noise: Noise, scored: Sequence[Scored], significant: Sequence[Scored]) -> list[Scored]:

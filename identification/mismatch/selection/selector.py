@@ -4,25 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from flexdrive_gym.recording import FloatArray
-from identification.mismatch.candidates.catalogue import Candidate, catalogue, look_alikes
-from identification.mismatch.candidates.free import shapes
+from identification.mismatch.candidates.catalogue import Candidate, catalogue
 from identification.mismatch.fitting.bench import Bench, Values
 from identification.mismatch.fitting.fit import Fit, fit, gain_of
 from identification.mismatch.fitting.score import shared
-from identification.mismatch.noise.estimate import Noise, damped, estimate, first_noise, unexplained, with_usual_forces
-from identification.mismatch.noise.nuisance import Direction, directions, dry_level
+from identification.mismatch.noise.estimate import Noise, damped
+from identification.mismatch.noise.nuisance import Direction
 from identification.mismatch.noise.scatter import dispersed
+from identification.mismatch.selection.account import Account, sensitivities
 from identification.mismatch.selection.evaluate import Name, Table, evaluate, random_gains
 from identification.mismatch.selection.levels import Levels, held_first, share_of_error
-from identification.mismatch.selection.linear import Linear, linearise
+from identification.mismatch.selection.linear import Linear
 from identification.mismatch.selection.null import Null, first_draws, null_of
-from identification.mismatch.selection.optima import WORTH, far, fit_base, fit_candidates, pruned, refit_base, without
+from identification.mismatch.selection.optima import (
+    far,
+    fit_base,
+    fit_candidates,
+    imitating,
+    nearest,
+    pruned,
+    refit_base,
+    without,
+)
 from identification.mismatch.selection.ranking import MOST, Round, Scored, dispensable, nameless, ranked, scores
-from identification.mismatch.selection.ripples import ripples
 from identification.mismatch.selection.start import Start, candidate_starts, far_starts
 from identification.topology import Topology
 
@@ -204,28 +213,18 @@ class Selector:
         noise: Noise | None = None
         linear: Linear | None = None
         for turn in range(2):
-            around = (*directions(bench, model.values), *phases)
-            # what is noise is told beside all that could be named, around the best model there is
-            there = self._linear(model, noise or first_noise(bench, model.values), candidates)
-            common = there.common
-            told = estimate(bench, model.values, model.residual, around, noise, common)
-            if noise is not None and told.cost > noise.cost:
+            account = Account.of(model, noise, phases, candidates)
+            if noise is None:
+                account = account.freed(phases, candidates, partial(self._seen_far, candidates=candidates))
+            elif account.noise.cost > noise.cost:
                 # the account of the residual that there was is more probable
                 break
-            if noise is None:
-                freed, told = self._freed(model, told, there, around, candidates)
-                if freed is not model:
-                    model, around = freed, (*directions(bench, freed.values), *phases)
-                    there = self._linear(model, told, candidates)
-                    common = there.common
-            left = unexplained(told, model.residual, common)
-            if more := ripples(there.around(model, told), left):
-                told = estimate(bench, model.values, model.residual, (*around, *more), told, common)
-            found = around
+            found = account.found
+            told, left = account.unexplained()
             base = fit(bench, told, base.values, base.names, near=base)
             noise, first = first_draws(bench, base.values, told, found, left, seed)
             if linear is None:
-                linear = there if model is started else self._linear(base, noise, candidates)
+                linear = account.linear if account.model is started else sensitivities(bench, noise, base, candidates)
             linear = linear.around(base, noise)
             noise, first = dispersed(noise, linear.shared, first)
             base = fit(bench, noise, base.values, base.names, near=base)
@@ -234,7 +233,12 @@ class Selector:
             jobs = [(c, f.values) for c, f in fits.values()] or [
                 *self._jobs(base, linear, table, first, candidates),
                 *((c, {**base.values, **own}) for c, own in proposed),
-                *((c, near.values) for c in candidates if all(k in near.values for k in c.keys)),
+                *(
+                    (c, m.values)
+                    for m in (near, account.model)
+                    for c in candidates
+                    if all(k in m.values for k in c.keys)
+                ),
             ]
             # what gains so much is told again, with noise around it
             enough = 2.0 * self.settings.again if turn == 0 else np.inf
@@ -265,17 +269,19 @@ class Selector:
         # whatever may be named is fitted before it is, and so is what looks like the leader
         names = [s.total for s in scored if s.p <= self.settings.likely and not nameless(s)]
         least = 0.5 * max(names, default=np.inf)
-        beside: dict[str, float] = {}
-        alike = set[str]()
-        for leader, there in leading[:1]:
-            alike = look_alikes(leader.id)
-            beside = {k: v for k, v in without(leader, there.values, base.names).items() if k in base.names}
-        missing = {s.name for s in scored if s.fit is None and (s.total >= least > 0.0 or s.name[0] in alike)}
-        if missing:
+        likely = {s.name for s in scored if s.p <= self.settings.likely}
+        alike = [
+            job
+            for leader, there in leading[:1]
+            if leader.name in likely
+            for job in imitating(base, noise, candidates, leader, there)
+        ]
+        missing = {s.name for s in scored if s.fit is None and s.total >= least > 0.0}
+        if missing or alike:
             these = [c for c in candidates if c.name in missing]
             more = candidate_starts(base, linear, table, these, sorted(missing), len(missing))
             more = [job for job in more if job[0].name in missing]
-            fits |= fit_candidates(base, noise, [*more, *((c, {**v, **beside}) for c, v in more if c.id in alike)])
+            fits = nearest(fits, fit_candidates(base, noise, [*alike, *more]))
             scored = scores(base, linear, table, fits, null, roughness)
         asked = {candidate.name for candidate, _ in leading}
         while True:
@@ -290,37 +296,6 @@ class Selector:
             base, linear = better, linear.around(better, noise)
             table = evaluate(linear, linear.residual[:, None])
             scored = scores(base, linear, table, fits, null, roughness)
-
-    def _linear(self, base: Fit, noise: Noise, candidates: Sequence[Candidate]) -> Linear:
-        level = max(dry_level(base.values, c) for c in range(self.bench.carts))
-        free = shapes(self.bench, base.values, max(0.05, 0.1 * level))
-        return linearise(self.bench, noise, base, candidates, free)
-
-    def _freed(
-        self, model: Fit, noise: Noise, linear: Linear, found: Sequence[Direction], candidates: Sequence[Candidate]
-    ) -> tuple[Fit, Noise]:
-        """Return the model with the candidate that explains what unknown forces have taken, if that is more probable.
-
-        Forces and physics that is left out compete for the same residual. Where slow forces are unusually large,
-        candidates are fitted with forces of a usual size, and the more probable account of the residual is kept, with its noise:
-        in the old one whatever a linear change adds to the new model would count for little.
-        """
-        quiet = with_usual_forces(noise)
-        if quiet is None:
-            return model, noise
-        base = linear.model
-        around = linear.around(base, quiet)
-        table = evaluate(around, around.residual[:, None])
-        order = sorted(table.total, key=lambda n: -float(table.total[n][0]))
-        jobs = [
-            *candidate_starts(base, around, table, candidates, order, self.settings.proposals),
-            *((c, {**base.values, **own}) for c, own in self._seen_far(base, candidates)),
-        ]
-        best = min((f for _, f in fit_candidates(base, quiet, jobs).values()), key=lambda f: f.cost, default=base)
-        common = self._linear(best, quiet, candidates).common
-        other = estimate(self.bench, best.values, best.residual, found, quiet, common)
-        more = len(best.names) - len(model.names)
-        return (best, other) if other.cost + WORTH * more < noise.cost else (model, noise)
 
     def _jobs(
         self, base: Fit, linear: Linear, table: Table, first: FloatArray, candidates: Sequence[Candidate]

@@ -1,0 +1,87 @@
+"""Amplitudes that the rows of recordings tell: of what differs between runs, and of what all of them share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexdrive_gym.recording import FloatArray
+from identification.mismatch.fitting.bench import Bench
+from identification.mismatch.noise.nuisance import Direction
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """Amplitudes of run-to-run variability, and of what all recordings share, as rows whitened by the filter tell them.
+
+    Attributes
+    ----------
+    white : ndarray, shape (N, k + m + 1)
+        Directions, common changes, and the residual.
+    products : ndarray, shape (R, k + m + 1, k + m + 1)
+        Of every recording.
+    amplitude, variance : ndarray, shape (R, k)
+        Most probable amplitudes relative to the prior, and their variances.
+    common : ndarray, shape (m,)
+        By how much what all recordings share is to be taken off the residual.
+    """
+
+    white: FloatArray
+    products: FloatArray
+    amplitude: FloatArray
+    variance: FloatArray
+    common: FloatArray
+
+    @classmethod
+    def of(
+        cls, white: FloatArray, rows: Sequence[slice], found: Sequence[Direction], scale: Mapping[str, float]
+    ) -> Told:
+        """Tell amplitudes of standard deviations that are ``scale`` times the prior ones.
+
+        Parameters
+        ----------
+        white : ndarray, shape (N, k + m + 1)
+            Directions of prior size, common changes, and the residual, whitened by the filter.
+        rows
+            Of every recording.
+        """
+        products = np.array([white[own].T @ white[own] for own in rows])
+        none = np.empty(0)
+        return cls(white, products, none, none, none).with_scale(found, scale)
+
+    def with_scale(self, found: Sequence[Direction], scale: Mapping[str, float]) -> Told:
+        """Return the amplitudes for other standard deviations, by Henderson's equations (C. R. Henderson, 1975)."""
+        k = len(found)
+        prior = np.diag([scale[d.group] ** -2.0 for d in found])
+        covariance = np.linalg.inv(self.products[:, :k, :k] + prior)
+        # of common changes and the residual: the amplitudes that they alone would have, and what these leave
+        own = covariance @ self.products[:, :k, k:]
+        rest = np.sum(self.products[:, k:, k:] - self.products[:, k:, :k] @ own, axis=0)
+        variance = np.diagonal(covariance, axis1=1, axis2=2)
+        if rest.shape[0] == 1:
+            return replace(self, amplitude=own[..., -1], variance=variance, common=np.empty(0))
+        spread = np.linalg.inv(rest[:-1, :-1] + np.eye(len(rest) - 1))
+        common = spread @ rest[:-1, -1]
+        shared = own[..., :-1]
+        return replace(
+            self,
+            amplitude=own[..., -1] - shared @ common,
+            variance=variance + np.sum(shared @ spread * shared, axis=-1),
+            common=common,
+        )
+
+    def left(self, bench: Bench, D: FloatArray, common: FloatArray, residual: FloatArray) -> FloatArray:
+        """Return the raw residual without amplitudes and what all recordings share, shape (N,)."""
+        own = np.concatenate([D[rows] @ a for rows, a in zip(bench.rows, self.amplitude, strict=True)])
+        return np.asarray(residual - own - common @ self.common)
+
+
+def scales(mean: FloatArray, variance: FloatArray, found: Sequence[Direction]) -> dict[str, float]:
+    """Return the groups' standard deviations, one step of expectation maximisation; what all recordings share is physics."""
+    own = np.var(mean, axis=0) + variance.mean(axis=0)
+    groups = sorted({d.group for d in found})
+    square = {g: float(np.mean([o for o, d in zip(own, found, strict=True) if d.group == g])) for g in groups}
+    limits = {d.group: (d.least, d.most) for d in found}
+    return {g: float(np.clip(np.sqrt(s), *limits[g])) for g, s in square.items()}
