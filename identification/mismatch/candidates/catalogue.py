@@ -11,7 +11,11 @@ from flexdrive_gym.drive.effects import EFFECTS, LAYOUT, Effect, Parameter
 from identification.topology import Topology
 
 # part of every topology, or of the measurement rather than of the rig
-_NO_CANDIDATES = frozenset({"viscous_friction", "spring", "encoder_quantisation", "velocity_processing"})
+_NO_CANDIDATES = frozenset({"viscous_friction", "spring", "encoder_quantisation"})
+# of the measurement, too, where positions tell how velocities were made
+_FILTER = "velocity_processing"
+# cut-offs of a filter, from which a fit begins [Hz]
+_CUTOFFS = (5.0, 15.0, 50.0)
 # shares of the largest command at which a limit is tried
 _LIMITS = (0.95, 0.85, 0.7, 0.5)
 # base friction that a candidate can take over whole, since a cart held by it would never show the candidate
@@ -67,6 +71,11 @@ class Candidate:
         return {**values, **{base: max(whole - part, _LEAST_PART * whole) for base, whole, part in taken}, **own}
 
     @property
+    def proportional(self) -> bool:
+        """Whether it acts in proportion to its sizes, as no limit and no cut-off does."""
+        return all(LAYOUT[key].parameter.role == "size" for key, _ in self.sizes) and not self.behind_gap
+
+    @property
     def behind_gap(self) -> bool:
         """Whether it is a mass that moves on its own before it meets its cart."""
         return bool(self.parts) and any(key.endswith(".gap") for key, _ in self.shapes)
@@ -81,7 +90,9 @@ def null_value(key: str) -> float:
     return LAYOUT[key].parameter.null
 
 
-def catalogue(topology: Topology, known: Collection[str] = (), reach: float | None = None) -> list[Candidate]:
+def catalogue(
+    topology: Topology, known: Collection[str] = (), reach: float | None = None, *, filtered: bool = False
+) -> list[Candidate]:
     """Return every candidate for a drive.
 
     Parameters
@@ -92,11 +103,13 @@ def catalogue(topology: Topology, known: Collection[str] = (), reach: float | No
         Parameters the model already has; their effects are no candidates.
     reach
         Largest command [V]: a limit shows below it only. ``None``: the usual limits.
+    filtered
+        Whether velocities may have passed a filter of which nothing is known.
     """
     taken = {*known, *topology.free, *topology.fixed}
     found = []
     for effect in EFFECTS:
-        if effect.id in _NO_CANDIDATES:
+        if effect.id in _NO_CANDIDATES or (effect.id == _FILTER and not filtered):
             continue
         for where in effect.where:
             keys = [effect.key(where, q.name) for q in effect.parameters]
@@ -110,6 +123,8 @@ def _of(effect: Effect, where: str, topology: Topology, reach: float | None) -> 
     shapes = [q for q in effect.parameters if q.role == "shape"]
     if topology.carts == 1:
         sizes = [q for q in sizes if not q.name.endswith("_2")]
+    if effect.id == _FILTER:
+        return [Candidate(_FILTER, where, ((effect.key(where, q.name), v),)) for q in shapes for v in _CUTOFFS]
     switches = [q for q in shapes if not isfinite(q.null)]
     if switches:
         # absent at infinity: a limit is its own size, and the grid its starts

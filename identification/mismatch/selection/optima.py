@@ -75,6 +75,15 @@ def fit_candidates(
     return best | _ended(base, noise, {n: best[n] for n in leading})
 
 
+def contained(base: Fit, model: Fit, candidates: Sequence[Candidate]) -> list[Start]:
+    """Return the candidates that a model has beside the base model's parameters, each as it has it."""
+    return [
+        (c, {k: v for k, v in model.values.items() if k in base.values or k in c.keys})
+        for c in candidates
+        if all(k in model.values and k not in base.values for k in c.keys)
+    ]
+
+
 def nearest(
     fits: Mapping[Name, tuple[Candidate, Fit]], others: Mapping[Name, tuple[Candidate, Fit]]
 ) -> dict[Name, tuple[Candidate, Fit]]:
@@ -175,10 +184,11 @@ def imitating(base: Fit, noise: Noise, candidates: Sequence[Candidate], leader: 
         The candidate that looks like others, and the drive with it.
     """
     names = look_alikes(leader.id)
-    # a mass behind a gap is no small change
     alike = [
-        c for c in candidates if c.id in names and not c.behind_gap and not any(k in there.values for k, _ in c.sizes)
+        c for c in candidates if c.id in names and c.proportional and not any(k in there.values for k, _ in c.sizes)
     ]
+    if not leader.proportional or not alike:
+        return []
     less = {k: there.values[k] - _LITTLE * (there.values[k] - parameter(k).null) for k, _ in leader.sizes}
     more = [c.one(i) | {k: _LITTLE * v for k, v in c.sizes[i : i + 1]} for c in alike for i in range(len(c.sizes))]
     drives = [{**there.values, **own} for own in (less, *more)]

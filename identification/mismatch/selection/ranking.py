@@ -12,7 +12,7 @@ from identification.mismatch.candidates.catalogue import Candidate
 from identification.mismatch.candidates.free import Shape
 from identification.mismatch.candidates.narrow_band import Line
 from identification.mismatch.candidates.phases import Phase
-from identification.mismatch.fitting.fit import Fit, gain_between, gain_of
+from identification.mismatch.fitting.fit import Fit, gain_of
 from identification.mismatch.fitting.score import shared, studentised
 from identification.mismatch.noise.estimate import Noise
 from identification.mismatch.noise.nuisance import Direction
@@ -135,10 +135,11 @@ def ranked(scored: Sequence[Scored], significant: Sequence[Scored]) -> list[Scor
     """Return candidates with the one that is named first: ranked by gain, tested by p-value.
 
     Of the significant ones that with the largest gain shows that something is there. Whatever predicts as well or better is asked
-    who predicts best, be it significant by itself or not. Of those that tie with that one the least is said: the name with the
-    fewest parameters, one that is significant by itself before one that is not. A free function contains the names that follow
-    its variable, so a name that gains most of what it gains stands for it; what that leaves is looked for in the next round. A
-    refinement of dry friction is named beside the dry friction that it refines, not in its place (J. A. Nelder,
+    who predicts best, be it significant by itself or not. Of those that tie with that one the least is said: a name before a
+    function without one, one that is significant by itself before one that is not, one with fewer parameters before one with
+    more. A free function contains the names that follow its variable, so a name that gains most of what it gains stands for it,
+    significant by itself or not; what that leaves is looked for in the next round. A refinement of dry friction is named beside
+    the dry friction that it refines, not in its place (J. A. Nelder,
     J. R. Stat. Soc. A 140, 1977): where a model has none, that comes first, whatever it gains by itself.
     """
     order = sorted(scored, key=lambda s: -s.total)
@@ -146,8 +147,8 @@ def ranked(scored: Sequence[Scored], significant: Sequence[Scored]) -> list[Scor
     leader = next(s for s in order if s.name in names)
     top = next(s for s in order if s is leader or tied(leader, s))
     least = MOST * top.total if nameless(top) else np.inf
-    alike = [s for s in order if s is top or tied(top, s) or (s.name in names and not nameless(s) and s.total >= least)]
-    first = min(alike, key=lambda s: (s.name not in names, nameless(s), s.size, -s.total))
+    alike = [s for s in order if s is top or tied(top, s) or (not nameless(s) and s.total >= least)]
+    first = min(alike, key=lambda s: (nameless(s), s.name not in names, s.size, -s.total))
     if first.name[0] in REFINE_FRICTION:
         fitted = {s.name for s in order if s.fit is not None}
         plain = (s for s in order if s.name == ("coulomb_friction", first.name[1]) and s.name in names | fitted)
@@ -176,10 +177,8 @@ def scores(
 ) -> list[Scored]:
     """Return every name with its gain: of its fit where there is one, else of its linear change.
 
-    Null draws know linear changes alone. A fit that gains more has found more, or a better place on a rough likelihood.
-    So the ratio of
-    likelihoods, with what the base model's own optima differ by taken off, and one of the two tests to first order
-    (score and Wald) must both be significant.
+    Null draws know linear changes alone. A fit that gains more has found more, or a better place on a rough likelihood: what
+    the base model's own optima differ by is taken off.
     """
     found = []
     for name in {**table.best, **fits}:
@@ -198,23 +197,7 @@ def scores(
             gain = gain_of(base, best)
             if scored is None or not scored.variability or shared(gain) > scored.total:
                 p = null.p_value(name, float(shared(gain)) - roughness)
-                if not candidate.takes:
-                    # an effect that is there changes the simulation to first order, too: where it is absent, or where it is
-                    near = null.p_value(name, float(shared(_wald(candidate, best))))
-                    p = max(p, near if scored is None else min(near, scored.p))
                 scored = Scored(candidate, best, gain, len(candidate.keys), p)
         assert scored is not None
         found.append(scored)
     return sorted(found, key=lambda s: -s.total)
-
-
-def _wald(candidate: Candidate, best: Fit) -> FloatArray:
-    """Return the gain per unit as the linear change around the fit with a candidate tells it."""
-    sizes = {key for key, _ in candidate.sizes}
-    names = [n for n, i in zip(best.names, best.interior, strict=True) if i]
-    J, scale = best.jacobian[:, best.interior], best.scale[best.interior]
-    size = np.array([best.values[n] / s if n in sizes else 0.0 for n, s in zip(names, scale, strict=True)])
-    own = np.array([n in candidate.keys for n in names], dtype=bool)
-    white = best.metric.white(np.column_stack([J, best.residual, best.residual - J @ size]))
-    p = len(names)
-    return gain_between(best.bench, white[:, [*np.flatnonzero(~own), p + 1]], white[:, [*range(p), p]])

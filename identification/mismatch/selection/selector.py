@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from flexdrive_gym.recording import FloatArray
-from identification.mismatch.candidates.catalogue import Candidate, catalogue
+from identification.mismatch.candidates.catalogue import Candidate, catalogue, look_alikes
 from identification.mismatch.fitting.bench import Bench, Values
 from identification.mismatch.fitting.fit import Fit, fit, gain_of
 from identification.mismatch.fitting.score import shared
@@ -22,6 +22,7 @@ from identification.mismatch.selection.levels import Levels, held_first, share_o
 from identification.mismatch.selection.linear import Linear
 from identification.mismatch.selection.null import Null, first_draws, null_of
 from identification.mismatch.selection.optima import (
+    contained,
     far,
     fit_base,
     fit_candidates,
@@ -105,7 +106,8 @@ class Selector:
         self.known = dict(known)
         self.base_names = [*topology.free, *self.known]
         reach = max(float(np.max(np.abs(run.u))) for run in bench.runs)
-        self.candidates = catalogue(topology, self.known, reach or None)
+        filtered = all(run.cutoff is None for run in bench.runs)
+        self.candidates = catalogue(topology, self.known, reach or None, filtered=filtered)
 
     def run(self) -> Selection:
         """Return the selected effects."""
@@ -233,12 +235,7 @@ class Selector:
             jobs = [(c, f.values) for c, f in fits.values()] or [
                 *self._jobs(base, linear, table, first, candidates),
                 *((c, {**base.values, **own}) for c, own in proposed),
-                *(
-                    (c, m.values)
-                    for m in (near, account.model)
-                    for c in candidates
-                    if all(k in m.values for k in c.keys)
-                ),
+                *(job for m in (near, account.model) for job in contained(base, m, candidates)),
             ]
             # what gains so much is told again, with noise around it
             enough = 2.0 * self.settings.again if turn == 0 else np.inf
@@ -267,21 +264,8 @@ class Selector:
         null = null_of(linear, base.values, noise, found, first, table, seed)
         scored = scores(base, linear, table, fits, null, roughness)
         # whatever may be named is fitted before it is, and so is what looks like the leader
-        names = [s.total for s in scored if s.p <= self.settings.likely and not nameless(s)]
-        least = 0.5 * max(names, default=np.inf)
-        likely = {s.name for s in scored if s.p <= self.settings.likely}
-        alike = [
-            job
-            for leader, there in leading[:1]
-            if leader.name in likely
-            for job in imitating(base, noise, candidates, leader, there)
-        ]
-        missing = {s.name for s in scored if s.fit is None and s.total >= least > 0.0}
-        if missing or alike:
-            these = [c for c in candidates if c.name in missing]
-            more = candidate_starts(base, linear, table, these, sorted(missing), len(missing))
-            more = [job for job in more if job[0].name in missing]
-            fits = nearest(fits, fit_candidates(base, noise, [*alike, *more]))
+        if jobs := self._beside_the_leader(linear, table, scored, leading[:1], candidates):
+            fits = nearest(fits, fit_candidates(base, noise, jobs))
             scored = scores(base, linear, table, fits, null, roughness)
         asked = {candidate.name for candidate, _ in leading}
         while True:
@@ -296,6 +280,30 @@ class Selector:
             base, linear = better, linear.around(better, noise)
             table = evaluate(linear, linear.residual[:, None])
             scored = scores(base, linear, table, fits, null, roughness)
+
+    def _beside_the_leader(
+        self,
+        linear: Linear,
+        table: Table,
+        scored: Sequence[Scored],
+        leading: Sequence[tuple[Candidate, Fit]],
+        candidates: Sequence[Candidate],
+    ) -> list[Start]:
+        """Return starts of candidates that may be named and were not fitted, and of those that look like the leader."""
+        base = linear.model
+        likely = {s.name: s.total for s in scored if s.p <= self.settings.likely and not nameless(s)}
+        least = 0.5 * max(likely.values(), default=np.inf)
+        alike, beside, found = set[str](), dict[str, float](), list[Start]()
+        for leader, there in leading:
+            alike = look_alikes(leader.id)
+            beside = {k: v for k, v in without(leader, there.values, base.names).items() if k in base.names}
+            if leader.name in likely:
+                found = imitating(base, linear.noise, candidates, leader, there)
+        missing = {s.name for s in scored if s.fit is None and (s.total >= least > 0.0 or s.name[0] in alike)}
+        these = [c for c in candidates if c.name in missing]
+        more = candidate_starts(base, linear, table, these, sorted(missing), len(missing)) if missing else []
+        more = [job for job in more if job[0].name in missing]
+        return [*found, *more, *((c, {**v, **beside}) for c, v in more if c.id in alike)]
 
     def _jobs(
         self, base: Fit, linear: Linear, table: Table, first: FloatArray, candidates: Sequence[Candidate]
@@ -317,9 +325,11 @@ class Selector:
             model = fit(self.bench, last.noise, model.values, model.names)
             asked = dispensable([scored for scored, _ in taken])
             left_out = [(*self._without(s, step, model, last), s) for s, step in taken if s in asked]
-            p, less, weakest = max(left_out, key=lambda item: item[0])
-            if p <= self.level:
+            # what stands for a free function needs not be rarer than it was then
+            weak = [item for item in left_out if item[0] > max(self.level, item[2].p)]
+            if not weak:
                 break
+            _, less, weakest = max(weak, key=lambda item: item[0])
             model = less
             taken = [(s, step) for s, step in taken if s is not weakest]
         return taken, model
