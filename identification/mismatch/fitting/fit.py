@@ -113,31 +113,6 @@ def gain_of(without: Fit, with_: Fit) -> FloatArray:
     return bounded(0.5 * (square[:, 0] - square[:, 1]) - more / len(square), 0.5 * square[:, 2])
 
 
-def gain_between(bench: Bench, without: FloatArray, with_: FloatArray) -> FloatArray:
-    """Return the gain of predictive log-likelihood between two models, within what the others let expect, shape (U,).
-
-    Parameters
-    ----------
-    without, with_ : ndarray, shapes (N, p + 1) and (N, q + 1)
-        Whitened derivatives and, last, residuals.
-    """
-    damping = bench.settings.damping
-    products = bench.products(np.column_stack([without, with_]))
-    p = without.shape[1]
-    # every unit's residuals of the two models as the others predict them: their squares, and that of their difference
-    one, other = (
-        np.column_stack([Normal.of(own).steps(damping), np.ones(len(products))])
-        for own in (products[:, :p, :p], products[:, p:, p:])
-    )
-
-    def square(steps: FloatArray) -> FloatArray:
-        return np.asarray(np.einsum("ui,uij,uj->u", steps, products, steps))
-
-    none, nothing = np.zeros_like(other), np.zeros_like(one)
-    gain = 0.5 * (square(np.hstack([one, none])) - square(np.hstack([nothing, other])))
-    return bounded(gain, 0.5 * square(np.hstack([one, -other])))
-
-
 def resolved(values: Values) -> bool:
     """Whether a simulation resolves a drive: what is as good as rigid takes thousands of steps a sample for nothing."""
     return fastest(values)[0] * PHYSICS_S < _FASTEST

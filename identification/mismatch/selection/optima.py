@@ -77,11 +77,8 @@ def fit_candidates(
 
 def contained(base: Fit, model: Fit, candidates: Sequence[Candidate]) -> list[Start]:
     """Return the candidates that a model has beside the base model's parameters, each as it has it."""
-    return [
-        (c, {k: v for k, v in model.values.items() if k in base.values or k in c.keys})
-        for c in candidates
-        if all(k in model.values and k not in base.values for k in c.keys)
-    ]
+    own = {c.keys: c for c in candidates if all(k in model.values and k not in base.values for k in c.keys)}
+    return [(c, {k: v for k, v in model.values.items() if k in base.values or k in keys}) for keys, c in own.items()]
 
 
 def nearest(

@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
-from identification.mismatch.candidates.catalogue import Candidate
+from identification.mismatch.candidates.catalogue import Candidate, catalogue
 from identification.mismatch.candidates.narrow_band import lines
 from identification.mismatch.candidates.phases import phases
 from identification.mismatch.fitting.fit import fit
 from identification.mismatch.noise.estimate import estimate
 from identification.mismatch.selection.evaluate import evaluate
 from identification.mismatch.selection.linear import linearise
+from identification.topology import TWO_CARTS
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import bench_of, data_set
 
@@ -68,3 +69,15 @@ def test_ripples_are_as_long_as_the_longest_way():
         way = max(float(np.ptp(run.track[0])) for run in bench.runs)
         longest = max(p.period for p, _ in phases(bench, RIG) if p.name == ("cogging", "drivetrain"))
         assert longest > 0.8 * way
+
+
+def test_a_filter_is_a_candidate_where_nothing_tells_how_velocities_were_made():
+    assert not [c for c in catalogue(TWO_CARTS) if c.id == "velocity_processing"]
+    found = [c for c in catalogue(TWO_CARTS, filtered=True) if c.id == "velocity_processing"]
+    assert {c.where for c in found} == {"encoder_1", "encoder_2"}
+    # it is absent at infinity, and acts in no proportion to its cut-off
+    assert not any(c.proportional for c in found)
+    known = ("velocity_processing.encoder_2.cutoff",)
+    assert {c.where for c in catalogue(TWO_CARTS, known, filtered=True) if c.id == "velocity_processing"} == {
+        "encoder_1"
+    }

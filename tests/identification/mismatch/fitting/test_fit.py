@@ -1,13 +1,10 @@
 """Fits of a drive to short runs whose parameters are known."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
-from identification.mismatch.fitting.fit import fit, gain_between, gain_of
+from identification.mismatch.fitting.fit import fit, gain_of
 from identification.mismatch.noise.estimate import first_noise
-from identification.mismatch.settings import Settings
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import bench_of, data_set
 
@@ -59,33 +56,6 @@ def test_every_start_within_a_factor_of_three_ends_in_the_same_optimum(bench, fo
     for factors in far:
         start = {**RIG, **{n: RIG[n] * f for n, f in zip(NAMES, factors, strict=True)}}
         assert fit(bench, found.metric, start, NAMES).cost == pytest.approx(found.cost, rel=1e-3)
-
-
-def _gain_where(shown, present, size=1.0):
-    """Gain of one column that has information in some of twelve experiments and is present in some of them."""
-    rng = np.random.default_rng(4)
-    bench = SimpleNamespace(
-        settings=Settings(), products=lambda white: np.array([w.T @ w for w in np.split(white, 12)])
-    )
-    column = rng.normal(size=(12, 200)) * np.isin(np.arange(12), shown)[:, None]
-    residual = rng.normal(size=(12, 200)) + size * column * np.isin(np.arange(12), present)[:, None]
-    whole = np.column_stack([column.ravel(), residual.ravel()])
-    return gain_between(bench, whole[:, 1:], whole)
-
-
-def test_what_only_two_experiments_can_show_counts():
-    gain = _gain_where([0, 7], [0, 7])
-    # half of 200 rows each, give or take
-    assert 150.0 < gain.sum() < 250.0
-    assert np.all(np.abs(np.delete(gain, [0, 7])) < 1e-9)
-
-
-def test_what_one_experiment_alone_shows_is_no_property_of_a_rig():
-    assert abs(_gain_where(range(12), [0]).sum()) < 5.0
-
-
-def test_one_odd_experiment_does_not_hide_what_the_others_show():
-    assert _gain_where(range(12), range(1, 12)).sum() > 700.0
 
 
 class _Without:

@@ -7,7 +7,7 @@ import pytest
 from identification.mismatch.candidates.catalogue import catalogue
 from identification.mismatch.fitting.fit import fit
 from identification.mismatch.noise.estimate import first_noise
-from identification.mismatch.selection.optima import fit_candidates, refit_base, without
+from identification.mismatch.selection.optima import contained, fit_candidates, imitating, refit_base, without
 from identification.topology import TWO_CARTS
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import KINDS, bench_of, data_set
@@ -86,3 +86,30 @@ def test_a_cart_gets_back_the_mass_that_a_candidate_had_taken():
     assert without(motor, drive, TWO_CARTS.free)["m1"] == pytest.approx(RIG["m1"])
     # a motor heavier than all that moves leaves the cart something
     assert motor.beside(RIG, {"motor_gear_backlash.mass": 1.0})["m1"] > 0.0
+
+
+def test_a_look_alike_begins_where_it_does_what_the_leader_does(base):
+    """A force on the second cart and one on both of them differ by what a spring carries: one is told from the other there."""
+    pull, offset = (next(c for c in CANDIDATES if c.id == id_) for id_ in ("tilt", "input_offset"))
+    held = replace(TWO_CARTS, free=("m1", "b1", "d1", "k"))
+    with bench_of(data_set({"tilt.F": 0.12}, kinds=KINDS[2:5], force=0.0)) as bench:
+        noise = first_noise(bench, RIG)
+        plain = fit(bench, noise, RIG, held.free)
+        there = fit(bench, noise, {**plain.values, "tilt.F": 0.05}, (*held.free, "tilt.F"))
+        starts = {c.name: v for c, v in imitating(plain, noise, CANDIDATES, pull, there)}
+    assert starts[offset.name]["m1"] == pytest.approx(there.values["m1"])
+    assert starts[offset.name]["input_offset.u0"] == pytest.approx(0.12, rel=0.5)
+    assert "tilt.F" not in starts[offset.name]
+
+
+def test_what_acts_in_no_proportion_to_its_size_is_not_imitated(base):
+    bind = next(c for c in CANDIDATES if c.behind_gap)
+    there = replace(base, values={**base.values, **bind.start})
+    assert imitating(base, base.metric, CANDIDATES, bind, there) == []
+
+
+def test_what_a_model_contains_is_taken_without_what_else_it_has(base):
+    spring = next(c for c in CANDIDATES if c.keys == ("ground_spring.kg",))
+    richer = replace(base, values={**base.values, "ground_spring.kg": 0.01, "ground_spring.kg3": 1e-6})
+    starts = [v for c, v in contained(base, richer, CANDIDATES) if c.keys == spring.keys]
+    assert starts == [{**base.values, "ground_spring.kg": 0.01}]

@@ -48,6 +48,12 @@ def test_a_name_that_gains_most_of_it_stands_for_a_free_function():
     assert ranked([whole, less], [whole, less])[0] is whole
 
 
+def test_what_stands_for_a_significant_function_need_not_be_significant_itself():
+    gain = RNG.uniform(50.0, 60.0, 12)
+    whole, most, rare = free(gain), named("saturation", 0.7 * gain), named("dead_zone", 0.1 * gain)
+    assert ranked([whole, most, rare], [whole, rare])[0] is most
+
+
 def test_dry_friction_comes_before_what_refines_it():
     gain = RNG.uniform(50.0, 60.0, 12)
     refined, plain = at_cart("stribeck", gain, "cart_2"), at_cart("coulomb_friction", 0.8 * gain, "cart_2")
