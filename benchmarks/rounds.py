@@ -35,18 +35,26 @@ TRIALS, _LEADING = 200, 6
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks rounds", description=__doc__)
-    parser.add_argument("sets", nargs="+", metavar="SEED:NUMBER")
-    for text in parser.parse_args(sys.argv[2:]).sets:
-        seed, number = (int(part) for part in text.split(":"))
+    parser.add_argument("sets", nargs="+", metavar="SEED:NUMBER", type=_data_set)
+    for seed, number in parser.parse_args(sys.argv[2:]).sets:
         trial = plan(TRIALS, seed)[number]
         with tempfile.TemporaryDirectory() as folder:
             truth, rig = Path(folder) / "truth.json", Path(folder) / "rig"
             make_case(rig, truth, trial.seed, trial.kind, trial.size, trial.effect)
             concealed = json.loads(truth.read_text(encoding="utf-8"))["effects"]
             names = [f"{e['id']} at {e['where']}, size {e['size']:g}" for e in concealed]
-            print(f"\n{text}: {'; '.join(names) or 'nothing concealed'}", flush=True)
+            print(f"\n{seed}:{number}: {'; '.join(names) or 'nothing concealed'}", flush=True)
             for i, step in enumerate(_rounds(rig, trial.seed)):
                 _print(i, step)
+
+
+def _data_set(text: str) -> tuple[int, int]:
+    seed, _, number = text.partition(":")
+    if not (seed.isdecimal() and number.isdecimal() and int(number) < TRIALS):
+        raise argparse.ArgumentTypeError(
+            f"must be a seed and a number below {TRIALS}, such as 16:12; got {text!r}. See docs/trial.md for studies' seeds."
+        )
+    return int(seed), int(number)
 
 
 def _rounds(rig: Path, seed: int) -> tuple[Round, ...]:

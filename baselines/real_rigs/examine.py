@@ -68,7 +68,7 @@ def examine(
         "verdict": found["verdict"],
         **judged,
         "errors": {key: fit[f"{key}_rms"] for key in ("before", "after", "floor")} | {"unit": fit["unit"]},
-        "parameters": [_compared(figure, drive) for figure in rig.figures],
+        "parameters": [compared(figure, drive) for figure in rig.figures],
         "control": _control(rig, recordings, seed, jobs, say),
         "unnamed": found["unnamed"],
         "notes": found["notes"],
@@ -99,11 +99,13 @@ def _control(
     }
 
 
-def _compared(figure: Figure, drive: Drive) -> dict[str, Any]:
+def compared(figure: Figure, drive: Drive) -> dict[str, Any]:
+    """Return a documented parameter beside the one that was found; ``None`` where the drive has no such effect."""
+    value: float | None = None
     interval = None
     if callable(figure.found):
         value = figure.found(drive)
-    else:
+    elif figure.found in drive.values:
         unit = parameter(figure.found).unit
         value = drive.units.of_rig(drive[figure.found], unit)[0]
         if figure.found in drive.intervals:

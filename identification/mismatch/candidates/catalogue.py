@@ -14,7 +14,7 @@ from identification.topology import Topology
 _NO_CANDIDATES = frozenset({"viscous_friction", "spring", "encoder_quantisation"})
 # of the measurement, too, where positions tell how velocities were made
 _FILTER = "velocity_processing"
-# cut-offs of a filter, from which a fit begins [Hz]
+# cut-offs that are tried [Hz]
 _CUTOFFS = (5.0, 15.0, 50.0)
 # shares of the largest command at which a limit is tried
 _LIMITS = (0.95, 0.85, 0.7, 0.5)
@@ -123,16 +123,13 @@ def _of(effect: Effect, where: str, topology: Topology, reach: float | None) -> 
     shapes = [q for q in effect.parameters if q.role == "shape"]
     if topology.carts == 1:
         sizes = [q for q in sizes if not q.name.endswith("_2")]
+    # what acts in proportion to nothing, a limit or a cut-off, is its own size, and its starts are a grid
+    limits = None if reach is None else tuple(share * reach for share in _LIMITS)
+    absolute = [(q, limits or q.starts) for q in shapes if not isfinite(q.null)]
     if effect.id == _FILTER:
-        return [Candidate(_FILTER, where, ((effect.key(where, q.name), v),)) for q in shapes for v in _CUTOFFS]
-    switches = [q for q in shapes if not isfinite(q.null)]
-    if switches:
-        # absent at infinity: a limit is its own size, and the grid its starts
-        return [
-            Candidate(effect.id, where, ((effect.key(where, q.name), v),))
-            for q in switches
-            for v in (q.starts if reach is None else tuple(share * reach for share in _LIMITS))
-        ]
+        absolute = [(q, _CUTOFFS) for q in shapes]
+    if absolute:
+        return [Candidate(effect.id, where, ((effect.key(where, q.name), v),)) for q, grid in absolute for v in grid]
     takes = tuple(
         (effect.key(where, own), f"{base}{where[-1]}") for own, base in _TAKES_OVER.get(effect.id, {}).items()
     )

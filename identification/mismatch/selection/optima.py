@@ -182,15 +182,18 @@ def imitating(base: Fit, noise: Noise, candidates: Sequence[Candidate], leader: 
     """
     names = look_alikes(leader.id)
     alike = [
-        c for c in candidates if c.id in names and c.proportional and not any(k in there.values for k, _ in c.sizes)
+        c
+        for c in candidates
+        if c.id in names
+        and c.proportional
+        and not any(k in there.values for k, _ in c.sizes)
+        and resolved({**there.values, **c.start})
     ]
     if not leader.proportional or not alike:
         return []
     less = {k: there.values[k] - _LITTLE * (there.values[k] - parameter(k).null) for k, _ in leader.sizes}
     more = [c.one(i) | {k: _LITTLE * v for k, v in c.sizes[i : i + 1]} for c in alike for i in range(len(c.sizes))]
-    drives = [{**there.values, **own} for own in (less, *more)]
-    sound = [resolved(values) for values in drives]
-    moved = base.bench.residuals([values if ok else there.values for values, ok in zip(drives, sound, strict=True)])
+    moved = base.bench.residuals([{**there.values, **own} for own in (less, *more)])
     done, *columns = noise.white((np.column_stack(moved) - there.residual[:, None]) / _LITTLE).T
     values, best = without(leader, there.values, base.names), dict[Name, tuple[float, Start]]()
     at = iter(columns)

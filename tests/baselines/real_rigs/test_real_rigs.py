@@ -8,11 +8,15 @@ import pytest
 from baselines.real_rigs import judge
 from baselines.real_rigs import study as studying
 from baselines.real_rigs.entries import RIGS
+from baselines.real_rigs.entry import Figure
+from baselines.real_rigs.examine import compared
 from baselines.real_rigs.study import study, summary
 from baselines.report.rigs_page import build_rigs_page, sentences
+from flexdrive_gym import Drive
 from flexdrive_gym.drive.effects import EFFECTS
 from flexdrive_gym.drive.parameters import parameter
 from identification.recordings.rig import Rig, parse_rig
+from tests.drive.drives import RIG
 from tests.each import each
 
 PLACES = {(e.id, where) for e in EFFECTS for where in e.where}
@@ -63,6 +67,16 @@ def test_named_tied_missed_and_beyond():
     (claim,) = judged["claims"]
     assert (claim["id"], claim["verdict"]) == ("input_delay", "beyond the documentation")
     assert claim["confirm"]
+
+
+def test_what_was_not_found_has_no_figure():
+    """A cut-off of 0 Hz stands for no filter: it is no value that is 100 % off."""
+    filter_ = Figure("filter", "Hz", 12.0, "velocity_processing.encoder_2.cutoff", "the documentation")
+    missed = compared(filter_, Drive(RIG))
+    assert missed["found"] is missed["deviation"] is None
+    found = compared(filter_, Drive({**RIG, "velocity_processing.encoder_2.cutoff": 9.0}))
+    assert found["found"] == pytest.approx(9.0)
+    assert found["deviation"] == pytest.approx(-0.25)
 
 
 def test_what_the_documentation_contradicts_is_said():

@@ -1,0 +1,39 @@
+"""What stays beside all other effects when rounds are over."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from identification.mismatch.candidates.catalogue import Candidate
+from identification.mismatch.selection import selector
+from identification.mismatch.selection.ranking import Scored
+from identification.mismatch.selection.selector import Selector
+
+LEVEL = 0.01
+
+
+@pytest.fixture
+def stay(monkeypatch):
+    """Names that stay, from name to its p-value when it was taken and beside all others."""
+    monkeypatch.setattr(selector, "fit", lambda *_: SimpleNamespace(values={}, names=()))
+
+    def run(names):
+        then = [Scored(Candidate(n, "guide", ((n, 1.0),)), None, np.ones(4), 1, p) for n, (p, _) in names.items()]
+        asked = SimpleNamespace(bench=None, level=LEVEL)
+        asked._without = lambda s, _step, model, _last: (names[s.name[0]][1], model)
+        last = SimpleNamespace(noise=None)
+        taken, _ = Selector._backward(asked, [(s, last) for s in then], SimpleNamespace(values={}, names=()), last)
+        return [s.name[0] for s, _ in taken]
+
+    return run
+
+
+def test_what_no_longer_predicts_is_left_out_again(stay):
+    assert stay({"one": (0.002, 0.002), "other": (0.002, 0.3)}) == ["one"]
+
+
+def test_what_stands_for_a_free_function_stays_while_it_is_as_rare_as_it_was(stay):
+    # it was taken for the function's p-value, not for its own
+    assert stay({"one": (0.002, 0.002), "other": (0.03, 0.03)}) == ["one", "other"]
+    assert stay({"one": (0.002, 0.002), "other": (0.03, 0.04)}) == ["one"]
