@@ -35,6 +35,8 @@ _STAYS = 0.1
 # against less, for a whole run if need be
 _PULLED = 0.9
 _MOVES = 0.3
+# speed back, of that forth, from which on a velocity reverses
+_REVERSES = 0.1
 # encoder counts that a cart must travel to be seen moving
 _COUNTS = 100.0
 # a command below this, of the largest in the data set, is none
@@ -165,13 +167,23 @@ def held_carts(recordings: Sequence[Recording]) -> tuple[tuple[int, ...], ...]:
 
 def _travel(recording: Recording) -> _Travel | None:
     first, second = position(recording, 1), position(recording, 2)
-    if first is None or second is None:
+    if first is None or second is None or _without_sign(recording):
         return None
     return _Travel(
         (float(np.ptp(first)), float(np.ptp(second))),
         float(np.max(np.abs(first - second))),
         _COUNTS * max(*recording.quantum, 1e-3),
     )
+
+
+def _without_sign(recording: Recording) -> bool:
+    """Whether one velocity never reverses while the other one does, which is no motion of a drive: it adds up to no position."""
+    velocities = [
+        v for v, x in ((recording.v1, recording.x1), (recording.v2, recording.x2)) if v is not None and x is None
+    ]
+    back = [float(-np.min(v)) > _REVERSES * float(np.max(v)) for v in velocities]
+    moves = [float(np.max(v)) > 0.0 for v in velocities]
+    return len(velocities) == 2 and all(moves) and back[0] != back[1]
 
 
 def _held(recording: Recording, travel: _Travel | None, usual: float | None) -> tuple[int, ...]:
