@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 from flexdrive_gym import Drive, Provenance, Recording, __version__
 from flexdrive_gym.drive.parameters import checked
 from identification.mismatch.answer.baseline import fit_tied, ratios
-from identification.mismatch.answer.covariance import uncertainty
+from identification.mismatch.answer.covariance import DRAWS, uncertainty
 from identification.mismatch.answer.errors import loop_fits, recording_fits, total, velocity_rms
 from identification.mismatch.answer.finding import Estimate, Finding, Named, Unnamed, experiment_for, short, unit_of
 from identification.mismatch.answer.homogeneity import Homogeneity, homogeneity
@@ -32,6 +32,7 @@ from identification.mismatch.fitting.fit import Fit, fit
 from identification.mismatch.force.maps import draw_maps, harmonics, located
 from identification.mismatch.force.missing_force import missing_force
 from identification.mismatch.selection.levels import output_error, share_of_error
+from identification.mismatch.selection.null import simulated
 from identification.mismatch.selection.optima import without
 from identification.mismatch.selection.ranking import Round, Scored, dispensable
 from identification.mismatch.selection.selector import Selection, Selector
@@ -107,7 +108,7 @@ def diagnose(
         bench = Bench(split.estimation, pool, settings or Settings())
         plain, known = without_known(bodies)
         selection = Selector(bench, plain, known, alpha, seed, say).run()
-        found = _Result(split, bench, selection, plain, pool)
+        found = _Result(split, bench, selection, plain, pool, seed)
         say("estimating what is uncertain")
         same = found.homogeneity(alpha, np.random.default_rng([seed, 1]))
         say("opening the report recordings")
@@ -137,6 +138,7 @@ class _Result:
     selection: Selection
     topology: Topology
     pool: Executor
+    seed: int
 
     @cached_property
     def base(self) -> Fit:
@@ -184,7 +186,8 @@ class _Result:
     def diagnosis(self, same: tuple[Homogeneity, ...]) -> Diagnosis:
         """Return the diagnosis but for what only the caller knows."""
         units, split = self.runs[0].units, self.split
-        base, drive = self.drive(self.base, "base model"), self.drive(self.model, "diagnosed drive")
+        first, last = self.selection.rounds[0], self.selection.rounds[-1]
+        base, drive = self.drive(self.base, first, "base model"), self.drive(self.model, last, "diagnosed drive")
         forces = list(self.pool.map(lambda r: missing_force(base.values, r), self.runs))
         maps = draw_maps(forces)
         findings = self.findings(drive)
@@ -224,10 +227,11 @@ class _Result:
             units,
         )
 
-    def drive(self, best: Fit, name: str) -> Drive:
-        """Return a fit as a drive with its uncertainty."""
+    def drive(self, best: Fit, step: Round, name: str) -> Drive:
+        """Return a fit as a drive with its uncertainty under the noise of a round."""
         values = checked(best.values)
-        limits, covariance = uncertainty(best)
+        rows = simulated(self.bench, best.values, step.noise, step.variability, range(DRAWS), [self.seed, 2])
+        limits, covariance = uncertainty(best, rows)
         return Drive(
             values,
             {k: v for k, v in limits.items() if k in values},
