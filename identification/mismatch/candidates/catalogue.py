@@ -71,9 +71,14 @@ class Candidate:
         return {**values, **{base: max(whole - part, _LEAST_PART * whole) for base, whole, part in taken}, **own}
 
     @property
+    def absolute(self) -> bool:
+        """Whether its size is a limit or a cut-off, to which it acts in no proportion."""
+        return any(LAYOUT[key].parameter.role != "size" for key, _ in self.sizes)
+
+    @property
     def proportional(self) -> bool:
-        """Whether it acts in proportion to its sizes, as no limit and no cut-off does."""
-        return all(LAYOUT[key].parameter.role == "size" for key, _ in self.sizes) and not self.behind_gap
+        """Whether it acts in proportion to its sizes."""
+        return not self.absolute and not self.behind_gap
 
     @property
     def behind_gap(self) -> bool:

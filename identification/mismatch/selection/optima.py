@@ -151,20 +151,15 @@ def _at_optimum(noise: Metric, own: Fit) -> Fit:
     return own if own.known is not None else fit(own.bench, noise, own.values, own.names, near=own)
 
 
-def refit_base(base: Fit, noise: Noise, fits: Sequence[tuple[Candidate, Fit]]) -> tuple[Fit, float]:
-    """Refit the base model from candidates' optima: a better optimum of it must not pass for a gain.
-
-    Returns the best fit, and by how much the log-likelihoods of its optima differ: dry friction makes a likelihood rough.
-    """
+def refit_base(base: Fit, noise: Noise, fits: Sequence[tuple[Candidate, Fit]]) -> Fit:
+    """Refit the base model from candidates' optima: a better optimum of it must not pass for a gain."""
 
     def one(item: tuple[Candidate, Fit]) -> Fit:
         candidate, best = item
         return fit(base.bench, noise, without(candidate, best.values, base.names), base.names, near=base)
 
-    again = [base, *base.bench.pool.map(one, fits)]
-    costs = np.array([f.cost for f in again])
-    best = again[int(np.argmin(costs))]
-    return (best if best.cost < base.cost - WORTH else base), float(0.5 * (np.median(costs) - costs.min()))
+    best = min(base.bench.pool.map(one, fits), key=lambda f: f.cost, default=base)
+    return best if best.cost < base.cost - WORTH else base
 
 
 def imitating(base: Fit, noise: Noise, candidates: Sequence[Candidate], leader: Candidate, there: Fit) -> list[Start]:

@@ -173,12 +173,10 @@ def scores(
     table: Table,
     fits: Mapping[Name, tuple[Candidate, Fit]],
     null: Null,
-    roughness: float,
 ) -> list[Scored]:
     """Return every name with its gain: of its fit where there is one, else of its linear change.
 
-    Null draws know linear changes alone. A fit that gains more has found more, or a better place on a rough likelihood: what
-    the base model's own optima differ by is taken off.
+    Null draws know linear changes alone. A fit that gains more has found more, for the base model was fitted from there, too.
     """
     found = []
     for name in {**table.best, **fits}:
@@ -196,7 +194,7 @@ def scores(
             candidate, best = fits[name]
             gain = gain_of(base, best)
             if scored is None or not scored.variability or shared(gain) > scored.total:
-                p = null.p_value(name, float(shared(gain)) - roughness)
+                p = null.p_value(name, float(shared(gain)))
                 scored = Scored(candidate, best, gain, len(candidate.keys), p)
         assert scored is not None
         found.append(scored)

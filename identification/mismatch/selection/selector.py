@@ -33,7 +33,7 @@ from identification.mismatch.selection.optima import (
     without,
 )
 from identification.mismatch.selection.ranking import MOST, Round, Scored, dispensable, nameless, ranked, scores
-from identification.mismatch.selection.start import Start, candidate_starts, far_starts
+from identification.mismatch.selection.start import Start, candidate_starts, far_starts, misread_starts
 from identification.topology import Topology
 
 Say = Callable[[str], None]
@@ -184,6 +184,8 @@ class Selector:
         absent = _absent(self.candidates, base)
         return [
             *self._seen_far(base, self.candidates),
+            # of readings that are wrong an equation of motion says nothing
+            *misread_starts(base.values, self.candidates, self.topology),
             *((c, c.start) for c in self.candidates if absent.issuperset(c.keys)),
         ]
 
@@ -258,28 +260,28 @@ class Selector:
         """Hold the candidates against their null draws, and the base model against their optima."""
         noise, base = linear.noise, linear.model
         leading = sorted(fits.values(), key=lambda item: item[1].cost)[: self.settings.finished]
-        base, roughness = refit_base(base, noise, leading)
+        base = refit_base(base, noise, leading)
         linear = linear.around(base, noise)
         table = evaluate(linear, linear.residual[:, None])
         null = null_of(linear, base.values, noise, found, first, table, seed)
-        scored = scores(base, linear, table, fits, null, roughness)
+        scored = scores(base, linear, table, fits, null)
         # whatever may be named is fitted before it is, and so is what looks like the leader
         if jobs := self._beside_the_leader(linear, table, scored, leading[:1], candidates):
             fits = nearest(fits, fit_candidates(base, noise, jobs))
-            scored = scores(base, linear, table, fits, null, roughness)
+            scored = scores(base, linear, table, fits, null)
         asked = {candidate.name for candidate, _ in leading}
         while True:
             significant = self._significant(scored, null)
             order = ranked(scored, significant)
             named = [fits[s.name] for s in (order[0], *significant[:2]) if s.name in fits and s.name not in asked]
             asked |= {candidate.name for candidate, _ in named}
-            better, _ = refit_base(base, noise, named)
+            better = refit_base(base, noise, named)
             if better is base:
                 order = ranked(pruned(base, noise, scored, significant), significant)
                 return Round(base, tuple(order), null, noise, bool(significant), tuple(found))
             base, linear = better, linear.around(better, noise)
             table = evaluate(linear, linear.residual[:, None])
-            scored = scores(base, linear, table, fits, null, roughness)
+            scored = scores(base, linear, table, fits, null)
 
     def _beside_the_leader(
         self,

@@ -19,6 +19,8 @@ from identification.mismatch.selection.linear import Linear
 from identification.topology import Topology
 
 Start = tuple[Candidate, dict[str, float]]
+# mass of a second cart over the first one's, and stiffness over the mass that it moves [1/s²]: 3 Hz
+_MASS, _STIFFNESS = 0.3, 350.0
 # shapes that a leading candidate is fitted from
 _SHAPES = 3
 
@@ -56,6 +58,9 @@ def candidate_starts(
     g, square = linear.gradient(residual)[..., 0], linear.square(residual)[:, 0]
 
     def start(candidate: Candidate, columns: Sequence[int]) -> Start:
+        if candidate.absolute:
+            # half of a limit is no half of what it does
+            return candidate, {**base.values, **candidate.start}
         sizes = linear.normal(g, square, columns).solve(damping)[len(linear.base) :]
         own = {}
         for (key, usual), size in zip(candidate.sizes, sizes, strict=True):
@@ -136,9 +141,19 @@ def far_starts(bench: Bench, base: Fit, known: Values, candidates: Sequence[Cand
     return found
 
 
+def misread_starts(values: Values, candidates: Sequence[Candidate], topology: Topology) -> list[Start]:
+    """Return what may be wrong with a reading, beside a second cart as usual: what is fitted to wrong readings is no start."""
+    found = {c.name: c for c in candidates if c.where.startswith("encoder") and not any(k in values for k in c.keys)}
+    mass = values["m1"]
+    usual = {"m2": _MASS * mass, "k": _STIFFNESS * _MASS * mass}
+    usual |= {f"{n}2": 0.1 * values[f"{n}1"] for n in "bd" if f"{n}1" in values}
+    second = {n: v for n, v in usual.items() if n in topology.free}
+    return [(c, {**second, **c.start}) for c in found.values()]
+
+
 def _positive(values: Values, topology: Topology) -> dict[str, float]:
     mass = max([v for n, v in values.items() if n[0] == "m" and 0.0 < v < 1e6] or [1e-3])
-    small = {"m": 0.3 * mass, "k": mass * 350.0, "b": mass, "d": 0.0}
+    small = {"m": _MASS * mass, "k": _STIFFNESS * mass, "b": mass, "d": 0.0}
     names = [n for n in topology.free if n not in topology.fixed]
     return {n: v if (v := values.get(n, 0.0)) > 0.0 else small.get(n[0], parameter(n).null) for n in names}
 
