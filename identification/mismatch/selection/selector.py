@@ -64,6 +64,8 @@ class Selection:
         Run-to-run variability around the final model.
     level
         Of the test of a round.
+    whole
+        Whether one name is accepted and leaves nothing significant.
     """
 
     rounds: tuple[Round, ...]
@@ -72,6 +74,7 @@ class Selection:
     accepted: tuple[tuple[Scored, Round], ...]
     variability: tuple[Direction, ...]
     level: float
+    whole: bool = False
 
     @property
     def doubtful(self) -> Scored | None:
@@ -120,13 +123,17 @@ class Selector:
         near = self._near(base, proposed)
         # where a free function won, and names are tried in its place
         doubted: int | None = None
+        # whether the first name is one that no simulation needs
+        alone = False
         while len(rounds) < self.settings.rounds:
             self.say(f"round {len(rounds) + 1}")
             step = self._round(base, near, phases, taken, () if rounds else proposed)
             rounds.append(step)
             base = step.base
             name = self._name(step) if step.accepted else None
-            if name is None or (nameless(step.best) and doubted is not None):
+            if name is None and step.accepted and not taken and not nameless(step.best):
+                name, alone = step.best, True
+            elif name is None or alone or (nameless(step.best) and doubted is not None):
                 break
             if nameless(step.best):
                 doubted = len(taken)
@@ -137,8 +144,12 @@ class Selector:
             near = base
         if doubted is not None and not self._stand(taken[doubted:], rounds[doubted]):
             rounds, taken, base = rounds[: doubted + 1], taken[:doubted], rounds[doubted].base
+        if alone and rounds[-1].accepted:
+            # what stands for another law leaves something significant
+            rounds, taken, base = rounds[:1], [], rounds[0].base
         taken, base = self._backward(taken, base, rounds[-1])
-        return Selection(tuple(rounds), rounds[0].base, base, tuple(taken), rounds[-1].variability, self.level)
+        whole = len(taken) == 1 and not rounds[-1].accepted
+        return Selection(tuple(rounds), rounds[0].base, base, tuple(taken), rounds[-1].variability, self.level, whole)
 
     def _name(self, step: Round) -> Scored | None:
         """Return what a round names: the first that a simulation needs, of the significant names where a free function won.
