@@ -107,7 +107,6 @@ class Selector:
         self.bench, self.topology, self.level, self.seed, self.say = bench, topology, 0.5 * alpha, seed, say
         self.settings = bench.settings
         self.known = dict(known)
-        self.base_names = [*topology.free, *self.known]
         reach = max(float(np.max(np.abs(run.u))) for run in bench.runs)
         filtered = all(run.cutoff is None for run in bench.runs)
         self.candidates = catalogue(topology, self.known, reach or None, filtered=filtered)
