@@ -10,7 +10,7 @@ import numpy as np
 
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.fitting.bench import Bench, Values, free
-from identification.mismatch.noise.nuisance import moving
+from identification.mismatch.noise.friction import moving
 from identification.replay.output_error import simulate_run
 
 # what a force follows, in words, and its unit

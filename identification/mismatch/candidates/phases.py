@@ -20,7 +20,7 @@ import numpy as np
 from flexdrive_gym.drive.effects import EFFECTS
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.fitting.bench import Bench, Values, free
-from identification.mismatch.noise.nuisance import dry_level, moving
+from identification.mismatch.noise.friction import dry_level, moving
 from identification.replay.output_error import simulate_run
 
 # neighbouring periods differ by half a turn over the way travelled

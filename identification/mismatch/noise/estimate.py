@@ -31,7 +31,8 @@ from scipy.optimize import minimize
 
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.fitting.bench import Bench, Values
-from identification.mismatch.noise.nuisance import Direction, dry_level
+from identification.mismatch.noise.friction import dry_level
+from identification.mismatch.noise.nuisance import Direction
 from identification.mismatch.noise.told import Told, scales
 from identification.mismatch.noise.whiten import Filter, transitions
 

@@ -5,8 +5,9 @@ On cart c it is a force
 .. math:: -\operatorname{sgn}(v_c)\, d_c \Bigl(l + \sum_k w_k \Lambda_k(t) + \sum_j r_j \sin(2\pi x_c/\lambda_j + \varphi_j)\Bigr)
    - g\, b_c v_c + \sum_j h_j \sin(2\pi x_c/\lambda_j + \varphi_j) ,
 
-with a friction level l, hat functions :math:`\Lambda_k` every two seconds, wavelengths half an octave apart and viscous
-friction g; the deflection in which the spring starts; the time between command and reading, which is
+with the dry friction :math:`d_c(t)` of the drive along the measured motion, which a load or a place may change; a friction
+level l, hat functions :math:`\Lambda_k` every two seconds, wavelengths half an octave apart and viscous friction g; the
+deflection in which the spring starts; the time between command and reading, which is
 known to a sample at best; and the hysteresis of an encoder, a fraction of a count.
 Amplitudes are random effects of every recording. The prior standard deviations of forces that dry friction scales
 were measured on ``mte360_2022`` and ``mte360_2025`` (replicates of the same command, ``python -m benchmarks blind_nuisance``),
@@ -25,10 +26,10 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.fitting.bench import Bench, Values
+from identification.mismatch.noise.friction import dry_level, level_along, moving, speed
 
 # relative to the Coulomb level: between runs, within a run, along the track; and forces along the track
 LEVEL, WANDER, ROUGH, HILLS = 0.06, 0.04, 0.026, 0.011
@@ -50,9 +51,6 @@ WAVES_MM = {
 KNOT_S = 2.0
 # spread of the places where recordings begin
 PLACE_MM = 25.0
-_SMOOTH_S = 0.004
-# of the rms speed: slower than this a cart may rest
-_RESTING = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +120,10 @@ def _on_cart(bench: Bench, values: Values, c: int, typical: float) -> list[Push]
         drag = [-b * speed(run.measured[c], run.sample_time, positions=run.positions) for run in bench.runs]
         made.append(Push(f"viscous friction {cart}", VISCOUS, partial(_shaped, c, drag, None)))
     if own > 0.0:
-        against = [-own * moving(run.measured[c], run.sample_time, positions=run.positions) for run in bench.runs]
+        against = [
+            -level_along(values, run, c) * moving(run.measured[c], run.sample_time, positions=run.positions)
+            for run in bench.runs
+        ]
         made.append(Push(f"friction {cart}", LEVEL, partial(_shaped, c, against, None)))
         longest = max(len(run.u) * run.sample_time for run in bench.runs)
         hats = (partial(_hat, bench, k * KNOT_S) for k in range(int(np.ceil(longest / KNOT_S)) + 1))
@@ -186,24 +187,6 @@ def drawn(
             amplitude[:, :, i] = track[:, :1] * np.cos(angle) - track[:, 1:] * np.sin(angle)
             amplitude[:, :, j] = track[:, :1] * np.sin(angle) + track[:, 1:] * np.cos(angle)
     return np.asarray(amplitude * np.array([d.size * scale.get(d.group, 1.0) for d in found]))
-
-
-def dry_level(values: Values, c: int) -> float:
-    """Return a cart's dry friction while it moves [V]."""
-    return values.get(f"d{c + 1}", 0.0) + values.get(f"presliding.cart_{c + 1}.fd", 0.0)
-
-
-def speed(y: FloatArray, h: float, *, positions: bool) -> FloatArray:
-    """Return a cart's smoothed velocity from its velocity or position."""
-    v = gaussian_filter1d(y, _SMOOTH_S / h)
-    return np.gradient(v, h) if positions else v
-
-
-def moving(y: FloatArray, h: float, *, positions: bool) -> FloatArray:
-    """Return the direction in which a cart moves, 0 where it may rest, from its velocity or position."""
-    v = speed(y, h, positions=positions)
-    limit = _RESTING * float(np.sqrt(np.mean(v**2)))
-    return np.asarray(np.where(np.abs(v) > limit, np.sign(v), 0.0))
 
 
 def _shaped(c: int, level: list[FloatArray], shape: Callable[[int], FloatArray] | None, r: int) -> FloatArray:

@@ -11,7 +11,8 @@ from identification.mismatch.candidates.free import shapes
 from identification.mismatch.fitting.bench import Bench
 from identification.mismatch.fitting.fit import Fit
 from identification.mismatch.noise.estimate import Noise, estimate, first_noise, unexplained, with_usual_forces
-from identification.mismatch.noise.nuisance import Direction, directions, dry_level
+from identification.mismatch.noise.friction import dry_level
+from identification.mismatch.noise.nuisance import Direction, directions
 from identification.mismatch.selection.evaluate import evaluate
 from identification.mismatch.selection.linear import Linear, linearise
 from identification.mismatch.selection.optima import WORTH, fit_candidates

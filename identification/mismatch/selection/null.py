@@ -21,7 +21,8 @@ from scipy.signal import lfilter
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.fitting.bench import Bench, Values
 from identification.mismatch.noise.estimate import Noise
-from identification.mismatch.noise.nuisance import Direction, drawn, moving
+from identification.mismatch.noise.friction import moving
+from identification.mismatch.noise.nuisance import Direction, drawn
 from identification.mismatch.noise.scatter import scattered
 from identification.mismatch.selection.evaluate import Name, Table, evaluate
 from identification.mismatch.selection.linear import Linear
