@@ -66,7 +66,11 @@ LONG = {
 
 def main() -> int:
     if sys.argv[1:2] and sys.argv[1] in LONG:
-        LONG[sys.argv[1]]()
+        try:
+            LONG[sys.argv[1]]()
+        except ValueError as error:
+            print(f"benchmarks {sys.argv[1]}: {error}", file=sys.stderr)
+            return 2
         return 0
     names = sys.argv[1:] or list(ALL)
     unknown = [name for name in names if name not in ALL]

@@ -178,12 +178,12 @@ def _travel(recording: Recording) -> _Travel | None:
 
 def _without_sign(recording: Recording) -> bool:
     """Whether one velocity never reverses while the other one does, which is no motion of a drive: it adds up to no position."""
-    velocities = [
-        v for v, x in ((recording.v1, recording.x1), (recording.v2, recording.x2)) if v is not None and x is None
-    ]
-    back = [float(-np.min(v)) > _REVERSES * float(np.max(v)) for v in velocities]
-    moves = [float(np.max(v)) > 0.0 for v in velocities]
-    return len(velocities) == 2 and all(moves) and back[0] != back[1]
+    if recording.x1 is not None or recording.x2 is not None:
+        return False
+    seen = [v[recording.valid(name)] for name in ("v1", "v2") if (v := getattr(recording, name)) is not None]
+    ways = [sorted((float(np.max(v)), float(-np.min(v)))) for v in seen]
+    one, other = (back > _REVERSES * forth for back, forth in ways)
+    return one != other and all(forth > 0.0 for _, forth in ways)
 
 
 def _held(recording: Recording, travel: _Travel | None, usual: float | None) -> tuple[int, ...]:

@@ -240,7 +240,7 @@ def _predictions(d: Diagnosis) -> Section:
         ],
     )
     section.text(
-        "Of another run of this rig: simulated on draws of the drive, parameters from the jackknife over recordings and dry "
+        "Of another run of this rig: simulated on draws of the drive, parameters by their joint uncertainty and dry "
         "friction as it differs from run to run."
     )
     section.items(words.extrapolation_sentences(d))

@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 from flexdrive_gym import Drive, Provenance, Recording, __version__
 from flexdrive_gym.drive.parameters import checked
 from identification.mismatch.answer.baseline import fit_tied, ratios
-from identification.mismatch.answer.covariance import DRAWS, uncertainty
+from identification.mismatch.answer.covariance import uncertainty
 from identification.mismatch.answer.errors import loop_fits, recording_fits, total, velocity_rms
 from identification.mismatch.answer.finding import Estimate, Finding, Named, Unnamed, experiment_for, short, unit_of
 from identification.mismatch.answer.homogeneity import Homogeneity, homogeneity
@@ -189,8 +189,9 @@ class _Result:
     def diagnosis(self, same: tuple[Homogeneity, ...]) -> Diagnosis:
         """Return the diagnosis but for what only the caller knows."""
         units, split = self.runs[0].units, self.split
-        first, last = self.selection.rounds[0], self.selection.rounds[-1]
-        base, drive = self.drive(self.base, first, "base model"), self.drive(self.model, last, "diagnosed drive")
+        base = self.drive(self.base, self.selection.rounds[0])
+        drive = base if self.model is self.base else self.drive(self.model, self.selection.rounds[-1])
+        base, drive = base.replace(name="base model"), drive.replace(name="diagnosed drive")
         forces = list(self.pool.map(lambda r: missing_force(base.values, r), self.runs))
         maps = draw_maps(forces)
         findings = self.findings(drive)
@@ -230,10 +231,11 @@ class _Result:
             units,
         )
 
-    def drive(self, best: Fit, step: Round, name: str) -> Drive:
+    def drive(self, best: Fit, step: Round) -> Drive:
         """Return a fit as a drive with its uncertainty under the noise of a round."""
         values = checked(best.values)
-        rows = simulated(self.bench, best.values, step.noise, step.variability, range(DRAWS), [self.seed, 2])
+        draws = range(self.bench.settings.draws // 2)
+        rows = simulated(self.bench, best.values, step.noise, step.variability, draws, [self.seed, 2])
         limits, covariance = uncertainty(best, rows)
         return Drive(
             values,
@@ -245,7 +247,6 @@ class _Result:
                 __version__,
                 "by output error to the estimation recordings",
             ),
-            name=name,
             run_to_run=friction_run_to_run(values, self.bench.runs, self.pool),
             recorded=recorded_range(self.runs),
         )

@@ -49,7 +49,8 @@ class Settings:
     far
         Share of the signal's variance that a simulation misses, beyond which the equation error proposes candidates, too [1].
     draws
-        Null draws: 480 resolve p = 0.002, and half of them are enough where no draw reaches what was found.
+        Null draws: 480 resolve p = 0.002, and half of them are enough where no draw reaches what was found, and for the limits
+        that hold 95 % of simulated estimates.
     few
         Recordings under which sign flips are too few and Webb's six-point weights are used: 2^(12 - 1) = 2048 flips.
     rounds

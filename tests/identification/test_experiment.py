@@ -73,8 +73,9 @@ def test_a_held_cart_stays_behind_though_the_spring_pulls():
 def test_a_speed_without_sign_adds_up_to_no_way_and_holds_no_cart():
     t = np.arange(8001) * 1e-3
     runs = [DRIVE.simulate(t, 2.5 * np.sin(2 * np.pi * f * t), name=f"{f} Hz") for f in (2.0, 3.0, 5.0)]
-    rectified = [replace(r, x1=None, x2=None, v2=np.abs(r.v2)) for r in runs]
-    assert held_carts(rectified) == ((), (), ())
+    for turned in (1.0, -1.0):
+        rectified = [replace(r, x1=None, x2=None, v2=turned * np.abs(r.v2)) for r in runs]
+        assert held_carts(rectified) == ((), (), ())
 
 
 def test_friction_that_holds_cart_2_is_no_clamp():

@@ -25,8 +25,6 @@ from identification.mismatch.fitting.score import Normal
 from identification.mismatch.selection.levels import Levels
 
 Limits = dict[str, tuple[float, float]]
-# simulated data sets that the figure of 95 % is taken from
-DRAWS = 240
 # a logarithm this uncertain says nothing, and its exponential is still a number
 _UNKNOWN = 300.0
 

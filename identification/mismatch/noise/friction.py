@@ -15,6 +15,7 @@ from flexdrive_gym.recording import FloatArray
 from identification.mismatch.fitting.bench import Values
 from identification.replay.output_error import Run, drive_vector
 
+# of velocities
 _SMOOTH_S = 0.004
 # of the rms speed: slower than this a cart may rest
 _RESTING = 0.05
@@ -42,12 +43,16 @@ def level_along(values: Values, run: Run, c: int) -> FloatArray:
     states[0 : 2 * len(v) : 2], states[1 : 2 * len(v) : 2] = run.track[: len(v)], v
     p, memory, z = drive_vector(values, run), np.zeros(WORK_SPACE), np.zeros(WORKSPACE)
     _levels(run.sample_time, states, memory, z, p, out)
-    return np.asarray(out[c] + values.get(f"presliding.cart_{c + 1}.fd", 0.0))
+    return np.asarray(out[c] + _bristles(values, c))
 
 
 def dry_level(values: Values, c: int) -> float:
     """Return a cart's dry friction while it moves [V]."""
-    return values.get(f"d{c + 1}", 0.0) + values.get(f"presliding.cart_{c + 1}.fd", 0.0)
+    return values.get(f"d{c + 1}", 0.0) + _bristles(values, c)
+
+
+def _bristles(values: Values, c: int) -> float:
+    return values.get(f"presliding.cart_{c + 1}.fd", 0.0)
 
 
 def speed(y: FloatArray, h: float, *, positions: bool) -> FloatArray:

@@ -31,7 +31,7 @@ from flexdrive_gym.recording import FloatArray
 from identification.mismatch.fitting.bench import Bench, Values
 from identification.mismatch.noise.friction import dry_level, level_along, moving, speed
 
-# relative to the Coulomb level: between runs, within a run, along the track; and forces along the track
+# relative to dry friction: between runs, within a run, along the track; and forces along the track
 LEVEL, WANDER, ROUGH, HILLS = 0.06, 0.04, 0.026, 0.011
 # viscous friction between runs, relative to itself; not measured, its scale is estimated
 VISCOUS = 0.03

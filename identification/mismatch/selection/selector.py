@@ -64,8 +64,6 @@ class Selection:
         Run-to-run variability around the final model.
     level
         Of the test of a round.
-    whole
-        Whether one name is accepted and leaves nothing significant.
     """
 
     rounds: tuple[Round, ...]
@@ -74,7 +72,11 @@ class Selection:
     accepted: tuple[tuple[Scored, Round], ...]
     variability: tuple[Direction, ...]
     level: float
-    whole: bool = False
+
+    @property
+    def whole(self) -> bool:
+        """Whether one name is accepted and leaves nothing significant."""
+        return len(self.accepted) == 1 and not self.rounds[-1].accepted
 
     @property
     def doubtful(self) -> Scored | None:
@@ -147,8 +149,7 @@ class Selector:
             # what stands for another law leaves something significant
             rounds, taken, base = rounds[:1], [], rounds[0].base
         taken, base = self._backward(taken, base, rounds[-1])
-        whole = len(taken) == 1 and not rounds[-1].accepted
-        return Selection(tuple(rounds), rounds[0].base, base, tuple(taken), rounds[-1].variability, self.level, whole)
+        return Selection(tuple(rounds), rounds[0].base, base, tuple(taken), rounds[-1].variability, self.level)
 
     def _name(self, step: Round) -> Scored | None:
         """Return what a round names: the first that a simulation needs, of the significant names where a free function won.

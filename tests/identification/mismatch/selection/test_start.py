@@ -39,7 +39,7 @@ def test_a_reading_without_sign_is_found_from_a_drive_as_usual():
         noise = first_noise(bench, RIG)
         base = fit(bench, noise, {**RIG, "k": 1e-3 * RIG["k"], "m2": 10.0 * RIG["m2"]}, TWO_CARTS.free, iterations=0)
         starts = [(c, {**base.values, **own}) for c, own in misread_starts(base.values, candidates, TWO_CARTS)]
-        assert {v["k"] for _, v in starts} == {v["k"] for _, v in starts[:1]} != {base.values["k"]}
+        assert all(v["k"] > 100.0 * base.values["k"] for _, v in starts)
         _, found = fit_candidates(base, noise, starts)["rectified_sensor", "encoder_2"]
     assert found.values["rectified_sensor.encoder_2.share"] > 0.99
     assert abs(found.values["k"] / RIG["k"] - 1.0) < 0.05
