@@ -14,6 +14,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
+from math import pi
 from typing import Any, TypeVar
 
 import numpy as np
@@ -22,6 +23,8 @@ _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 _FACTOR = re.compile(r"^(mm|Hz|V|s)([⁰¹²³⁴⁵⁶⁷⁸⁹⁻]*)$")
 _TOKEN = re.compile(r"(?<![A-Za-z])(mm|V)(?![A-Za-z])")
 _BRACKETS = re.compile(r"\[[^\[\]]*\]")
+# one turn in units of an angle
+_TURN = {"rad": 2.0 * pi, "mrad": 2e3 * pi, "deg": 360.0, "rev": 1.0}
 
 T = TypeVar("T")
 
@@ -43,6 +46,12 @@ class Units:
     per_length: float = 1.0
     per_command: float = 1.0
     per_time: float = 1.0
+
+    @property
+    def revolution(self) -> float | None:
+        """Return the engine's mm in one turn of an axis that is measured by its angle; ``None`` for what moves along a line."""
+        turn = _TURN.get(self.length)
+        return None if turn is None else turn * self.per_length
 
     @property
     def lab(self) -> bool:

@@ -170,3 +170,11 @@ def test_a_recording_on_another_scale_is_the_same_motion():
     # and the drive on that scale makes it again
     again = drive.rescaled(ROTARY).simulate(other.t, other.u)
     np.testing.assert_allclose(again.x2, other.x2, atol=2.0 * other.quantum[1])
+
+
+@each(
+    ("units", "turn"),
+    [(LAB, None), (METRES, None), (ROTARY, 200.0 * np.pi), (Units("deg", "A", per_length=2.0), 720.0)],
+)
+def test_an_angle_has_a_turn(units, turn):
+    assert units.revolution == (None if turn is None else pytest.approx(turn))

@@ -22,7 +22,10 @@ from identification.floor import period_samples, run_variance
 from identification.signals import motions
 
 BLOCK_S = 0.005
-PHYSICS_S = 1e-3
+# longest step of a simulation [s]: against steps of 0.1 ms velocities of a drive of the lab differ by 1e-4 mm/s
+PHYSICS_S = 2e-3
+# how finely a command is told between samples, where it was not held [s]
+_FINE_S = 1e-3
 # a drive that shows more than this has run away [mm, mm/s]
 RUNAWAY = 1e9
 # what tells the speed at the start of a run whose velocity was not recorded [s], and how few samples of it are all used
@@ -119,7 +122,7 @@ def prepare(recording: Recording) -> Run:
         counts = (recording.quantum[i] / h) ** 2 / 6.0 / width
         repeated = run_variance(x, keep[i], period_samples(recording), width)
         floor.append(max(counts, repeated if np.isfinite(repeated) else 0.0))
-    fine = _between(u, max(1, round(h / PHYSICS_S))) if recording.hold == "band_limited" else None
+    fine = _between(u, max(1, round(h / _FINE_S))) if recording.hold == "band_limited" else None
     track = _track(recording, v, keep)
     quanta: tuple[float, ...] = recording.quantum[: len(v)]
     return Run(recording.name, u, h, v, keep, start, recording.velocity_cutoff, floor, track, quanta, fine=fine)

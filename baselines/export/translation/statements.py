@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from baselines.export.translation.expressions import Expressions, loading
 from baselines.export.translation.function import ARRAYS, ATOM, ZERO, Function
 from flexdrive_gym.drive.simd import pack
+from flexdrive_gym.drive.simd.functions import sine_and_cosine
 
 
 class Writer(Expressions):
@@ -167,7 +168,7 @@ class Writer(Expressions):
 
     def _assign_several(self, targets: Sequence[ast.expr], value: ast.expr) -> None:
         if isinstance(value, ast.Call):
-            if self._callable(value) is pack.sine_and_cosine:
+            if self._callable(value) is sine_and_cosine:
                 argument = self._expression(value.args[0])[0]
                 for target, name in zip(targets, ("sin", "cos"), strict=True):
                     self._emit(f"{self._target(target)} = {name}({argument});")

@@ -124,9 +124,13 @@ def _means(operation: Any, result: Any, kind: Any, arguments: int, code: Callabl
     lower_builtin(operation, *[kind] * arguments)(generate)
 
 
-def _size(builder: Any, values: tuple[Any, ...]) -> Any:
+def _called(builder: Any, name: str, values: Any) -> Any:
     kind = ir.FunctionType(_NUMBERS, [_NUMBERS])
-    return builder.call(cgutils.get_or_insert_function(builder.module, kind, f"llvm.fabs.v{WIDTH}f64"), values)
+    return builder.call(cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{WIDTH}f64"), values)
+
+
+def _size(builder: Any, values: tuple[Any, ...]) -> Any:
+    return _called(builder, "fabs", values)
 
 
 def _compares(sign: str) -> Callable[[Any, tuple[Any, ...]], Any]:
@@ -192,6 +196,10 @@ def _select_code(typing_context: Any, condition: Any, a: Any, b: Any) -> Any:  #
     return pack(mask, pack, pack), lambda _c, builder, _s, values: builder.select(*values)
 
 
+def _floor_code(typing_context: Any, x: Any) -> Any:  # noqa: ARG001
+    return pack(pack), lambda _c, builder, _s, a: _called(builder, "floor", a)
+
+
 def _any_code(typing_context: Any, condition: Any) -> Any:  # noqa: ARG001
     def generate(context: Any, builder: Any, of: Any, a: Any) -> Any:  # noqa: ARG001
         bits = ir.IntType(WIDTH)
@@ -219,6 +227,7 @@ _read: Any = _intrinsic(_read_code)
 _write: Any = _intrinsic(_write_code)
 _select: Any = _intrinsic(_select_code)
 _any: Any = _intrinsic(_any_code)
+_rounded_down: Any = _intrinsic(_floor_code)
 # packs at a pointer to numbers, and back
 packs_at: Callable[[Any], Any] = _intrinsic(_packs_at)
 numbers_of: Callable[[Any], Any] = _intrinsic(_numbers_of)
@@ -247,11 +256,6 @@ def leading(x: Any) -> float:
 def raised(z: Any, i: int) -> bool:
     """Return whether a flag of a workspace is set; flags are the same in all lanes."""
     return bool(z[i] > 0.0)
-
-
-def sine_and_cosine(x: Any) -> tuple[Any, Any]:
-    """Return both at once, which takes hardly longer than one of them."""
-    return np.sin(x), np.cos(x)
 
 
 def _overload(function: Any, chooses: Callable[..., Any]) -> None:
@@ -290,25 +294,18 @@ def _raised(z: Any, i: Any) -> Any:  # noqa: ARG001
     return (lambda z, i: leading(z[i]) > 0.0) if isinstance(z, Packs) else (lambda z, i: z[i] > 0.0)
 
 
-def _lane_by_lane(function: Any) -> Callable[..., Any]:
+def _exponential(x: Any) -> Any:
     def each(x: Any) -> Any:
         y = x
         for i in range(WIDTH):
-            y = with_lane(y, i, function(lane(x, i)))
+            y = with_lane(y, i, np.exp(lane(x, i)))
         return y
 
-    return lambda x: each if isinstance(x, Pack) else None
+    return each if isinstance(x, Pack) else None
 
 
-def _sine_and_cosine(x: Any) -> Any:
-    def each(x: Any) -> tuple[Any, Any]:
-        y, z = x, x
-        for i in range(WIDTH):
-            one = lane(x, i)
-            y, z = with_lane(y, i, np.sin(one)), with_lane(z, i, np.cos(one))
-        return y, z
-
-    return each if isinstance(x, Pack) else (lambda x: (np.sin(x), np.cos(x)))
+def _floor(x: Any) -> Any:
+    return (lambda x: _rounded_down(x)) if isinstance(x, Pack) else None  # noqa: PLW0108
 
 
 def _power(x: Any, exponent: Any) -> Any:
@@ -328,6 +325,5 @@ _overload(chosen, _chosen)
 _overload(anywhere, _anywhere)
 _overload(leading, _leading)
 _overload(raised, _raised)
-_overload(sine_and_cosine, _sine_and_cosine)
-for _function in (np.exp, np.sin, np.cos, np.floor):
-    _overload(_function, _lane_by_lane(_function))
+_overload(np.exp, _exponential)
+_overload(np.floor, _floor)

@@ -28,6 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexdrive_gym.recording import FloatArray
+from flexdrive_gym.units import Units
 from identification.mismatch.fitting.bench import Bench, Values
 from identification.mismatch.noise.friction import dry_level, level_along, moving, speed
 
@@ -42,15 +43,18 @@ INSTANT = 0.29
 # an encoder's own hysteresis: its reading reverses a little after the cart, [counts]; not measured, and not estimated: what all
 # recordings share would shrink it
 HYSTERESIS = 0.05
-WAVES_MM = {
+WAVES_MM: dict[str, tuple[float, ...]] = {
     "short": (4.0, 6.0, 9.0),
     "medium": (13.5, 20.0, 30.0),
     "long": (45.0, 68.0, 100.0),
     "very long": (150.0, 225.0, 340.0),
 }
+# of an axis that is measured by its angle: its track repeats with every turn, and so many waves fill one
+ORDERS = {"short": (30, 20, 14), "medium": (9, 6), "long": (4, 3), "very long": (2, 1)}
 KNOT_S = 2.0
-# spread of the places where recordings begin
+# spread of the places where recordings begin; on an axis that turns they begin anywhere
 PLACE_MM = 25.0
+PLACE_TURNS = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +75,8 @@ class Direction:
     force
         From a recording's number to the force on each cart per unit amplitude, ndarray, shape (2, n); ``None`` where it
         is no force.
+    place
+        For a ripple: standard deviation of where recordings begin along the track [mm].
     least, most
         Between which factors of the prior one the standard deviation may lie: other rigs are quieter or rougher, but no clock is
         off by more than its sample, and no model of a reversal is more exact than a fraction of a count.
@@ -81,6 +87,7 @@ class Direction:
     change: FloatArray
     wave: tuple[str, float, int] | None = None
     force: Callable[[int], FloatArray] | None = None
+    place: float = PLACE_MM
     least: float = 0.25
     most: float = 4.0
 
@@ -94,6 +101,12 @@ class Push(NamedTuple):
     wave: tuple[str, float, int] | None = None
 
 
+def waves(units: Units) -> dict[str, tuple[float, ...]]:
+    """Return the wavelengths of a track by band, in the engine's mm."""
+    turn = units.revolution
+    return WAVES_MM if turn is None else {band: tuple(turn / n for n in orders) for band, orders in ORDERS.items()}
+
+
 def directions(bench: Bench, values: Values) -> list[Direction]:
     """Return how the rows of a drive change with everything that differs from run to run."""
     levels = [dry_level(values, c) for c in range(bench.carts)]
@@ -101,7 +114,11 @@ def directions(bench: Bench, values: Values) -> list[Direction]:
     used = [c for c in range(bench.carts) if typical > 0.0 and any(run.keep[c].any() for run in bench.runs)]
     made = [push for c in used for push in _on_cart(bench, values, c, typical)]
     changes = bench.pushed(values, [push.force for push in made], max(0.05 * max(levels), 1e-6)) if made else []
-    found = [Direction(p.group, p.size, change, p.wave, p.force) for p, change in zip(made, changes, strict=True)]
+    turn = bench.recordings[0].units.revolution
+    place = PLACE_MM if turn is None else PLACE_TURNS * turn
+    found = [
+        Direction(p.group, p.size, change, p.wave, p.force, place) for p, change in zip(made, changes, strict=True)
+    ]
     if bench.carts == 2 and values.get("m2", 0.0) < 1e6 and values.get("k", 0.0) > 0.0:
         band = min(dry_level(values, 0), dry_level(values, 1)) / values["k"]
         band = max(band, *(max(run.counts, default=0.0) for run in bench.runs))
@@ -130,7 +147,7 @@ def _on_cart(bench: Bench, values: Values, c: int, typical: float) -> list[Push]
         made += [Push(f"wander {cart}", WANDER, partial(_shaped, c, against, hat)) for hat in hats]
         along.append((f"rough track {cart}", ROUGH, against))
     for kind, size, level in along:
-        for band, lengths in WAVES_MM.items():
+        for band, lengths in waves(bench.recordings[0].units).items():
             for length in lengths:
                 for turn in (0, 1):
                     wave = partial(_wave, bench, c, length, 0.5 * np.pi * turn)
@@ -177,7 +194,7 @@ def drawn(
     A ripple has one amplitude and phase for the track; every recording meets it from another place.
     """
     amplitude = rng.standard_normal((draws, recordings, len(found)))
-    place = PLACE_MM * rng.standard_normal((draws, recordings))
+    place = next((d.place for d in found if d.wave is not None), 0.0) * rng.standard_normal((draws, recordings))
     index = {d.wave: i for i, d in enumerate(found) if d.wave is not None}
     for (kind, length, turn), i in index.items():
         if turn == 0:

@@ -75,8 +75,8 @@ class Selection:
 
     @property
     def whole(self) -> bool:
-        """Whether one name is accepted and leaves nothing significant."""
-        return len(self.accepted) == 1 and not self.rounds[-1].accepted
+        """Whether the accepted names leave nothing significant."""
+        return bool(self.accepted) and not self.rounds[-1].accepted
 
     @property
     def doubtful(self) -> Scored | None:
@@ -337,9 +337,14 @@ class Selector:
         while len(taken) > 1:
             model = fit(self.bench, last.noise, model.values, model.names)
             asked = dispensable([scored for scored, _ in taken])
-            left_out = [(*self._without(s, step, model, last), s) for s, step in taken if s in asked]
-            # what stands for a free function needs not be rarer than it was then
-            weak = [item for item in left_out if item[0] > max(self.level, item[2].p)]
+            left_out = [(*self._without(s, step, model, last), s, step) for s, step in taken if s in asked]
+            # what stands for a free function needs not be rarer than it was then, and what brings the simulation near stays:
+            # around a model that is far away draws tell nothing
+            weak = [
+                (p, less, s)
+                for p, less, s, step in left_out
+                if p > max(self.level, s.p) and self._share(s, step.base) < MOST
+            ]
             if not weak:
                 break
             _, less, weakest = max(weak, key=lambda item: item[0])

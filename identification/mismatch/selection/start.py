@@ -21,6 +21,8 @@ from identification.topology import Topology
 Start = tuple[Candidate, dict[str, float]]
 # mass of a second cart over the first one's, and stiffness over the mass that it moves [1/s²]: 3 Hz
 _MASS, _STIFFNESS = 0.3, 350.0
+# shares of dry friction that what it hides starts with: bristles are nearly all of it, static friction may be anything
+_TAKEN = (0.9, 0.5, 0.2)
 # shapes that a leading candidate is fitted from
 _SHAPES = 3
 
@@ -86,23 +88,23 @@ def candidate_starts(
     # a mass behind a gap is no small change: to first order its size says nothing
     masses = [c for c in candidates if c.behind_gap and c.name in (*leading, *alike)]
     jobs += [(c, c.beside(base.values, c.start)) for c in masses]
-    # what a cart at rest hides has no sensitivity: it is always asked for, with the friction that hides it taken over
+    # what a cart at rest hides has no sensitivity: it is always asked for, with some of the friction that hides it taken over
     hidden = {c.name: c for c in candidates if c.takes and not any(k in base.values for k in c.keys)}
     for candidate in hidden.values():
         usual = replace(candidate, shapes=tuple((k, null_value(k)) for k, _ in candidate.shapes))
-        taking = _taking_over(usual, base.values)
-        jobs.append((usual, taking))
+        jobs += [(usual, _taking_over(usual, base.values, share)) for share in _TAKEN]
         # a model without that friction is asked for it, too
         absent = [taken for _, taken in candidate.takes if taken not in base.names]
         jobs += [(c, {**base.values, **c.start}) for c in candidates for taken in absent if c.keys == (taken,)]
         bends = compliance(linear.bench, candidate.where)
-        if bends > 0.0:
+        if bends > 0.0 and candidate.shapes:
+            taking = _taking_over(usual, base.values, _TAKEN[0])
             level = max(taking[key] for key, _ in candidate.takes)
             found_length = tuple(
                 (k, float(np.clip(level * bends, parameter(k).lower, parameter(k).upper))) for k, _ in usual.shapes
             )
             seen = replace(candidate, shapes=found_length)
-            jobs.append((seen, _taking_over(seen, base.values)))
+            jobs.append((seen, _taking_over(seen, base.values, _TAKEN[0])))
     return jobs
 
 
@@ -158,12 +160,12 @@ def _positive(values: Values, topology: Topology) -> dict[str, float]:
     return {n: v if (v := values.get(n, 0.0)) > 0.0 else small.get(n[0], parameter(n).null) for n in names}
 
 
-def _taking_over(candidate: Candidate, values: Values) -> dict[str, float]:
-    """Return a start in which a candidate has taken over the base parameter that would hide it."""
+def _taking_over(candidate: Candidate, values: Values, share: float) -> dict[str, float]:
+    """Return a start in which a candidate has taken over a share of the base parameter that would hide it."""
     start = {**values, **candidate.start}
     for key, taken in candidate.takes:
         level = values.get(taken, 0.0)
-        start |= {key: max(0.9 * level, candidate.start[key]), taken: 0.1 * level}
+        start |= {key: max(share * level, candidate.start[key]), taken: (1.0 - share) * level}
     return start
 
 

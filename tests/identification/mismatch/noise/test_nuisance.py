@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from flexdrive_gym.units import LAB, Units
 from identification.mismatch.noise.estimate import estimate
-from identification.mismatch.noise.nuisance import INSTANT, WAVES_MM, directions
+from identification.mismatch.noise.nuisance import INSTANT, WAVES_MM, directions, waves
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import KINDS, bench_of, data_set
 
@@ -30,6 +31,15 @@ def test_every_cart_has_its_own_friction_and_ripples(bench):
         assert {f"{what} {cart}" for what in ("friction", "viscous friction", "wander")} <= groups
         assert {f"{what} {cart}, {band}" for what in ("rough track", "hills") for band in WAVES_MM} <= groups
     assert "start deflection" in groups
+
+
+def test_the_track_of_an_axis_that_turns_repeats_with_every_turn():
+    units = Units("rad", "N m", per_length=10.0)
+    lengths = [length for band in waves(units).values() for length in band]
+    # a longer wave would be a constant force to all recordings
+    assert max(lengths) == pytest.approx(20.0 * np.pi)
+    assert np.allclose(np.array(max(lengths)) / lengths, np.round(np.array(max(lengths)) / lengths))
+    assert waves(LAB) == WAVES_MM
 
 
 def test_hills_pull_at_a_cart_that_rolls_easily_too(bench):

@@ -18,11 +18,12 @@ def stay(monkeypatch):
     """Names that stay, from name to its p-value when it was taken and beside all others."""
     monkeypatch.setattr(selector, "fit", lambda *_: SimpleNamespace(values={}, names=()))
 
-    def run(names):
+    def run(names, share=0.1):
         then = [Scored(Candidate(n, "guide", ((n, 1.0),)), None, np.ones(4), 1, p) for n, (p, _) in names.items()]
         asked = SimpleNamespace(bench=None, level=LEVEL)
         asked._without = lambda s, _step, model, _last: (names[s.name[0]][1], model)
-        last = SimpleNamespace(noise=None)
+        asked._share = lambda *_: share
+        last = SimpleNamespace(noise=None, base=None)
         taken, _ = Selector._backward(asked, [(s, last) for s in then], SimpleNamespace(values={}, names=()), last)
         return [s.name[0] for s, _ in taken]
 
@@ -37,6 +38,11 @@ def test_what_stands_for_a_free_function_stays_while_it_is_as_rare_as_it_was(sta
     # it was taken for the function's p-value, not for its own
     assert stay({"one": (0.002, 0.002), "other": (0.03, 0.03)}) == ["one", "other"]
     assert stay({"one": (0.002, 0.002), "other": (0.03, 0.04)}) == ["one"]
+
+
+def test_what_brings_the_simulation_near_stays(stay):
+    # draws around a model that is far away gain anything
+    assert stay({"one": (0.002, 0.002), "other": (0.28, 0.3)}, share=0.9) == ["one", "other"]
 
 
 @pytest.fixture
