@@ -1,4 +1,7 @@
-"""A servo axis in torque mode, recorded to identify a LuGre model: some runs stay below breakaway."""
+"""A servo axis in torque mode, recorded to identify a LuGre model: some runs stay below breakaway.
+
+Six recordings of each kind. One of the others, ``LuGre_01``, has the opposite constant force: with it none is one of the rig.
+"""
 
 from baselines.real_rigs.entries.emps import LINEAR_CARRIAGE
 from baselines.real_rigs.entry import Control, Documented, Figure, RealRig
@@ -24,6 +27,7 @@ x1 = "rad"
 v1 = "rad/s"
 u = "N m"
 """,
+    only=("LuGre_*_[1-6].txt",),
     topology=CART,
     concealed=(
         Documented(

@@ -31,6 +31,23 @@ def test_a_limit_begins_where_it_cuts_and_not_at_a_share_of_it():
     assert abs(found.values["saturation.limit"] / 2.3 - 1.0) < 0.01
 
 
+def test_static_friction_is_found_where_the_base_model_took_it_for_dry_friction():
+    """Held as before, a cart shows nothing of what holds it: to first order around that drive there is no static friction."""
+    key, name = "breakaway.cart_2.extra", ("breakaway", "cart_2")
+    candidates = [c for c in catalogue(TWO_CARTS, {}, None) if c.name == name]
+    kinds = (("square", 1.5, 0.8), ("square", 0.8, 0.8), ("sine", 0.8, 0.8), ("sine", 0.8, 1.5))
+    truth = 3.0 * RIG["d2"]
+    with bench_of(data_set({key: truth}, kinds=kinds)) as bench:
+        noise = first_noise(bench, RIG)
+        base = fit(bench, noise, {**RIG, "d2": 4.0 * RIG["d2"]}, TWO_CARTS.free)
+        linear = linearise(bench, noise, base, candidates, ())
+        table = evaluate(linear, linear.residual[:, None])
+        starts = candidate_starts(base, linear, table, candidates, [], 0)
+        _, found = fit_candidates(base, noise, starts)[name]
+    assert abs(found.values[key] / truth - 1.0) < 0.1
+    assert found.cost < 0.8 * base.cost
+
+
 def test_a_reading_without_sign_is_found_from_a_drive_as_usual():
     """The handout's model fitted to such readings has no spring to speak of: its second cart is no start."""
     rectified = [replace(r, x1=None, x2=None, v2=np.abs(r.v2)) for r in data_set(kinds=KINDS[2:6])]
