@@ -19,7 +19,7 @@ _CUTOFFS = (5.0, 15.0, 50.0)
 # shares of the largest command at which a limit is tried
 _LIMITS = (0.95, 0.85, 0.7, 0.5)
 # base friction that a candidate can take over, since a cart held by it would never show the candidate
-_TAKES_OVER = {"presliding": {"fd": "d"}, "breakaway": {"extra": "d"}}
+_TAKES_OVER = {"presliding": {"fd": "d"}, "breakaway": {"extra": "d"}, "stribeck": {"extra": "d"}}
 # masses of their own that a base model has counted to a cart's, and what a cart keeps of its own at least
 _PARTS = {"motor_gear_backlash": {"mass": "m1"}, "extra_mode": {"mass_1": "m1", "mass_2": "m2"}}
 _LEAST_PART = 0.3

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -75,8 +75,8 @@ class Selection:
 
     @property
     def whole(self) -> bool:
-        """Whether the accepted names leave nothing significant."""
-        return bool(self.accepted) and not self.rounds[-1].accepted
+        """Whether one name is accepted and leaves nothing significant."""
+        return len(self.accepted) == 1 and not self.rounds[-1].accepted
 
     @property
     def doubtful(self) -> Scored | None:
@@ -222,7 +222,7 @@ class Selector:
     ) -> Round:
         bench, seed = self.bench, [self.seed, len(taken)]
         named = {s.name for s, _ in taken}
-        candidates = [c for c in self.candidates if c.name not in named]
+        candidates = [c for c in self.candidates if c.name not in named and self._placed(c, named)]
         started, model = base, near
         fits: dict[Name, tuple[Candidate, Fit]] = {}
         noise: Noise | None = None
@@ -258,6 +258,13 @@ class Selector:
                 break
         assert linear is not None
         return self._judged(linear, first, fits, found, candidates, seed)
+
+    def _placed(self, candidate: Candidate, named: Collection[Name]) -> bool:
+        """Whether recordings tell the place that a candidate repeats with: a speed without sign adds up to none."""
+        cart = "2" if candidate.where.endswith("2") else "1"
+        known = all(getattr(r, f"x{cart}") is not None for r in self.bench.recordings)
+        waves = any(k.endswith(".P") for k in candidate.keys)
+        return known or not waves or ("rectified_sensor", f"encoder_{cart}") not in named
 
     def _judged(
         self,

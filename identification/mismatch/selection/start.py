@@ -21,6 +21,8 @@ from identification.topology import Topology
 Start = tuple[Candidate, dict[str, float]]
 # mass of a second cart over the first one's, and stiffness over the mass that it moves [1/s²]: 3 Hz
 _MASS, _STIFFNESS = 0.3, 350.0
+# its friction over the first one's
+_FRICTIONS = (0.1, 0.5)
 # shares of dry friction that what it hides starts with: bristles are nearly all of it, static friction may be anything
 _TAKEN = (0.9, 0.5, 0.2)
 # shapes that a leading candidate is fitted from
@@ -90,16 +92,16 @@ def candidate_starts(
     jobs += [(c, c.beside(base.values, c.start)) for c in masses]
     # what a cart at rest hides has no sensitivity: it is always asked for, with some of the friction that hides it taken over
     hidden = {c.name: c for c in candidates if c.takes and not any(k in base.values for k in c.keys)}
+    # a model without that friction is asked for it, too
+    absent = {taken for c in hidden.values() for _, taken in c.takes if taken not in base.names}
+    jobs += [(c, {**base.values, **c.start}) for c in candidates if any(c.keys == (taken,) for taken in absent)]
     for candidate in hidden.values():
         usual = replace(candidate, shapes=tuple((k, null_value(k)) for k, _ in candidate.shapes))
         jobs += [(usual, _taking_over(usual, base.values, share)) for share in _TAKEN]
-        # a model without that friction is asked for it, too
-        absent = [taken for _, taken in candidate.takes if taken not in base.names]
-        jobs += [(c, {**base.values, **c.start}) for c in candidates for taken in absent if c.keys == (taken,)]
         bends = compliance(linear.bench, candidate.where)
-        if bends > 0.0 and candidate.shapes:
-            taking = _taking_over(usual, base.values, _TAKEN[0])
-            level = max(taking[key] for key, _ in candidate.takes)
+        if bends > 0.0 and any(parameter(k).unit == "mm" for k, _ in candidate.shapes):
+            whole = _taking_over(usual, base.values, _TAKEN[0])
+            level = max(whole[key] for key, _ in candidate.takes)
             found_length = tuple(
                 (k, float(np.clip(level * bends, parameter(k).lower, parameter(k).upper))) for k, _ in usual.shapes
             )
@@ -147,10 +149,13 @@ def misread_starts(values: Values, candidates: Sequence[Candidate], topology: To
     """Return what may be wrong with a reading, beside a second cart as usual: what is fitted to wrong readings is no start."""
     found = {c.name: c for c in candidates if c.where.startswith("encoder") and not any(k in values for k in c.keys)}
     mass = values["m1"]
-    usual = {"m2": _MASS * mass, "k": _STIFFNESS * _MASS * mass}
-    usual |= {f"{n}2": 0.1 * values[f"{n}1"] for n in "bd" if f"{n}1" in values}
-    second = {n: v for n, v in usual.items() if n in topology.free}
-    return [(c, {**second, **c.start}) for c in found.values()]
+    starts = []
+    for share in _FRICTIONS:
+        usual = {"m2": _MASS * mass, "k": _STIFFNESS * _MASS * mass}
+        usual |= {f"{n}2": share * values[f"{n}1"] for n in "bd" if f"{n}1" in values}
+        second = {n: v for n, v in usual.items() if n in topology.free}
+        starts += [(c, {**second, **c.start}) for c in found.values()]
+    return starts
 
 
 def _positive(values: Values, topology: Topology) -> dict[str, float]:
