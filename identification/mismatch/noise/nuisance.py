@@ -15,7 +15,8 @@ relative to the rig's own dry friction, so that they carry over to rigs of other
 for it is friction, hills to that of both carts, for they pull at a cart that rolls easily, too. A constant force has no
 direction of its own: to a run that moves by less than a wave a hill is one, the same hill for all that begin nearby. That of
 viscous friction, half of dry friction's, and the hysteresis are assumptions. Each cart has scales of its own, and the spectrum of
-its track is estimated in four bands: how long the waves of a track are differs from track to track.
+its track is estimated in four bands: how long the waves of a track are differs from track to track. That of an axis which is
+measured by its angle repeats with every turn.
 """
 
 from __future__ import annotations

@@ -77,3 +77,19 @@ def test_one_that_leaves_something_stands_for_another_law(name_alone):
     assert found.model == "base 0"
     assert len(found.rounds) == 1
     assert not found.whole
+
+
+def test_a_speed_without_sign_adds_up_to_no_place():
+    """What repeats along the way of such a cart is not looked for, unless its position was recorded."""
+    key = "position_friction.cart_2"
+    wave = Candidate("position_friction", "cart_2", ((f"{key}.a_sin", 0.1),), ((f"{key}.P", 50.0),))
+    drag = Candidate("quadratic_drag", "cart_2", (("quadratic_drag.cart_2.c", 1e-5),))
+
+    def looked_for(candidate, counter, x2=None):
+        asked = SimpleNamespace(bench=SimpleNamespace(recordings=[SimpleNamespace(x1=None, x2=x2)]))
+        return Selector._placed(asked, candidate, {("rectified_sensor", counter)})
+
+    assert not looked_for(wave, "encoder_2")
+    assert looked_for(wave, "encoder_1")
+    assert looked_for(wave, "encoder_2", x2=np.zeros(3))
+    assert looked_for(drag, "encoder_2")
