@@ -23,8 +23,12 @@ _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 _FACTOR = re.compile(r"^(mm|Hz|V|s)([⁰¹²³⁴⁵⁶⁷⁸⁹⁻]*)$")
 _TOKEN = re.compile(r"(?<![A-Za-z])(mm|V)(?![A-Za-z])")
 _BRACKETS = re.compile(r"\[[^\[\]]*\]")
-# one turn in units of an angle
-_TURN = {"rad": 2.0 * pi, "mrad": 2e3 * pi, "deg": 360.0, "rev": 1.0}
+# radians in units of an angle
+ANGLES = (
+    {"rad": 1.0, "radian": 1.0, "radians": 1.0, "mrad": 1e-3}
+    | dict.fromkeys(("deg", "degree", "degrees"), pi / 180.0)
+    | dict.fromkeys(("rev", "revs", "turn", "turns", "revolutions"), 2.0 * pi)
+)
 
 T = TypeVar("T")
 
@@ -50,8 +54,8 @@ class Units:
     @property
     def revolution(self) -> float | None:
         """Return the engine's mm in one turn of an axis that is measured by its angle; ``None`` for what moves along a line."""
-        turn = _TURN.get(self.length)
-        return None if turn is None else turn * self.per_length
+        angle = ANGLES.get(self.length.lower())
+        return None if angle is None else 2.0 * pi / angle * self.per_length
 
     @property
     def lab(self) -> bool:

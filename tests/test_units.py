@@ -174,7 +174,13 @@ def test_a_recording_on_another_scale_is_the_same_motion():
 
 @each(
     ("units", "turn"),
-    [(LAB, None), (METRES, None), (ROTARY, 200.0 * np.pi), (Units("deg", "A", per_length=2.0), 720.0)],
+    [
+        (LAB, None),
+        (METRES, None),
+        (ROTARY, 200.0 * np.pi),
+        (Units("deg", "A", per_length=2.0), 720.0),
+        (Units("Turns", "V"), 1.0),
+    ],
 )
 def test_an_angle_has_a_turn(units, turn):
     assert units.revolution == (None if turn is None else pytest.approx(turn))

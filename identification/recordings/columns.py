@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from math import nan, pi
 from typing import Literal
 
+from flexdrive_gym.units import ANGLES
 from identification.recordings.errors import RecordingError, broken
 
 Signal = Literal["t", "u", "x1", "x2", "v1", "v2", "xr"]
@@ -97,9 +98,7 @@ _UNITS: dict[Dimension, dict[str, float]] = {
 
 # units that other rigs measure in, and how many of the first of a group one of each is
 _KINDRED: tuple[dict[str, float], ...] = (
-    {"rad": 1.0, "radian": 1.0, "radians": 1.0, "mrad": 1e-3}
-    | dict.fromkeys(("deg", "degree", "degrees"), pi / 180.0)
-    | dict.fromkeys(("rev", "revs", "turn", "turns", "revolutions"), 2.0 * pi),
+    ANGLES,
     {"rads": 1.0, "radsec": 1.0, "radps": 1.0, "rads1": 1.0, "mrads": 1e-3}
     | dict.fromkeys(("degs", "degsec", "degps", "dps"), pi / 180.0)
     | {"rpm": pi / 30.0, "revmin": pi / 30.0, "revs1": 2.0 * pi},

@@ -22,7 +22,8 @@ from identification.floor import period_samples, run_variance
 from identification.signals import motions
 
 BLOCK_S = 0.005
-# longest step of a simulation [s]: against steps of 0.1 ms velocities of a drive of the lab differ by 1e-4 mm/s
+# longest step of a simulation [s]: against steps of 0.1 ms the lab's velocities differ by 2e-4 mm/s rms at most, by 1e-3 where a
+# coupling has play
 PHYSICS_S = 2e-3
 # how finely a command is told between samples, where it was not held [s]
 _FINE_S = 1e-3

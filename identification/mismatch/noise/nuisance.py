@@ -195,13 +195,13 @@ def drawn(
     A ripple has one amplitude and phase for the track; every recording meets it from another place.
     """
     amplitude = rng.standard_normal((draws, recordings, len(found)))
-    place = next((d.place for d in found if d.wave is not None), 0.0) * rng.standard_normal((draws, recordings))
+    place = rng.standard_normal((draws, recordings))
     index = {d.wave: i for i, d in enumerate(found) if d.wave is not None}
     for (kind, length, turn), i in index.items():
         if turn == 0:
             j = index[kind, length, 1]
             track = rng.standard_normal((draws, 2))
-            angle = 2.0 * np.pi * place / length
+            angle = 2.0 * np.pi * (found[i].place * place) / length
             amplitude[:, :, i] = track[:, :1] * np.cos(angle) - track[:, 1:] * np.sin(angle)
             amplitude[:, :, j] = track[:, :1] * np.sin(angle) + track[:, 1:] * np.cos(angle)
     return np.asarray(amplitude * np.array([d.size * scale.get(d.group, 1.0) for d in found]))
