@@ -150,10 +150,7 @@ class _Result:
 
     @property
     def accepted(self) -> list[tuple[Scored, Round]]:
-        """Accepted candidates, but for those that the simulation does not need: the reported drive has no such effect.
-
-        One that leaves nothing significant is there, needed or not.
-        """
+        """Accepted candidates, but for those that the simulation does not need: the reported drive has no such effect."""
         return self._lasting[1]
 
     @cached_property
@@ -163,7 +160,7 @@ class _Result:
             last = output_error(self.bench, model, self.base)
             shares = [(share_of_error(s, last), s) for s in dispensable([s for s, _ in accepted])]
             least, idle = min(shares, key=lambda item: item[0])
-            if least >= self.bench.settings.relevant or (self.selection.whole and len(accepted) == 1):
+            if least >= self.bench.settings.relevant:
                 return last, accepted
             assert isinstance(idle.candidate, Candidate)
             accepted = [(s, step) for s, step in accepted if s is not idle]

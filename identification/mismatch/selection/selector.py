@@ -74,11 +74,6 @@ class Selection:
     level: float
 
     @property
-    def whole(self) -> bool:
-        """Whether one name is accepted and leaves nothing significant."""
-        return len(self.accepted) == 1 and not self.rounds[-1].accepted
-
-    @property
     def doubtful(self) -> Scored | None:
         """Return what no null draw explains in the last round, though it gains no more than chance can."""
         last = self.rounds[-1]
@@ -124,17 +119,13 @@ class Selector:
         near = self._near(base, proposed)
         # where a free function won, and names are tried in its place
         doubted: int | None = None
-        # whether the first name is one that no simulation needs
-        alone = False
         while len(rounds) < self.settings.rounds:
             self.say(f"round {len(rounds) + 1}")
             step = self._round(base, near, phases, taken, () if rounds else proposed)
             rounds.append(step)
             base = step.base
             name = self._name(step) if step.accepted else None
-            if name is None and step.accepted and not taken and not nameless(step.best):
-                name, alone = step.best, True
-            elif name is None or alone or (nameless(step.best) and doubted is not None):
+            if name is None or (nameless(step.best) and doubted is not None):
                 break
             if nameless(step.best):
                 doubted = len(taken)
@@ -145,9 +136,6 @@ class Selector:
             near = base
         if doubted is not None and not self._stand(taken[doubted:], rounds[doubted]):
             rounds, taken, base = rounds[: doubted + 1], taken[:doubted], rounds[doubted].base
-        if alone and rounds[-1].accepted:
-            # what stands for another law leaves something significant
-            rounds, taken, base = rounds[:1], [], rounds[0].base
         taken, base = self._backward(taken, base, rounds[-1])
         return Selection(tuple(rounds), rounds[0].base, base, tuple(taken), rounds[-1].variability, self.level)
 

@@ -45,38 +45,18 @@ def test_what_brings_the_simulation_near_stays(stay):
     assert stay({"one": (0.002, 0.002), "other": (0.28, 0.3)}, share=0.9) == ["one", "other"]
 
 
-@pytest.fixture
-def name_alone(monkeypatch):
-    """What is accepted of a first name that no simulation needs, given whether the next round finds something significant."""
-    first = Scored(Candidate("load_friction", "cart_2", (("mu", 1.0),)), None, np.ones(4), 1, 0.002)
+def test_a_name_that_no_simulation_needs_is_not_given(monkeypatch):
+    """Innovations tell laws apart within milliseconds, and so they name what is like the law that acts."""
+    like = Scored(Candidate("load_friction", "cart_2", (("mu", 1.0),)), None, np.ones(4), 1, 0.002)
     monkeypatch.setattr(selector, "fit_base", lambda *_: "base")
-
-    def run(*, more):
-        rounds = iter(
-            SimpleNamespace(base=f"base {i}", accepted=accepted, best=first, with_first=lambda _: None, variability=())
-            for i, accepted in enumerate((True, more))
-        )
-        asked = SimpleNamespace(bench=None, topology=None, known={}, level=LEVEL, settings=SimpleNamespace(rounds=5))
-        asked.say, asked._proposed, asked._near = lambda _: None, lambda _: [], lambda *_: None
-        asked._round, asked._name = lambda *_: next(rounds), lambda _: None
-        asked._backward = lambda taken, model, _last: (taken, model)
-        return Selector.run(asked)
-
-    return run
-
-
-def test_a_name_that_no_simulation_needs_stands_if_it_leaves_nothing_significant(name_alone):
-    found = name_alone(more=False)
-    assert [s.name[0] for s, _ in found.accepted] == ["load_friction"]
-    assert found.whole
-
-
-def test_one_that_leaves_something_stands_for_another_law(name_alone):
-    found = name_alone(more=True)
+    step = SimpleNamespace(base="base", accepted=True, best=like, variability=())
+    asked = SimpleNamespace(bench=None, topology=None, known={}, level=LEVEL, settings=SimpleNamespace(rounds=5))
+    asked.say, asked._proposed, asked._near = lambda _: None, lambda _: [], lambda *_: None
+    asked._round, asked._name = lambda *_: step, lambda _: None
+    asked._backward = lambda taken, model, _last: (taken, model)
+    found = Selector.run(asked)
     assert found.accepted == ()
-    assert found.model == "base 0"
-    assert len(found.rounds) == 1
-    assert not found.whole
+    assert found.rounds == (step,)
 
 
 def test_a_speed_without_sign_adds_up_to_no_place():
