@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import Executor
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +28,7 @@ from identification.mismatch.answer.verdict import Diagnosis, RecordingFit, Verd
 from identification.mismatch.candidates.catalogue import Candidate
 from identification.mismatch.candidates.phases import Phase
 from identification.mismatch.fitting.bench import Bench
+from identification.mismatch.fitting.crew import Crew
 from identification.mismatch.fitting.fit import Fit, fit
 from identification.mismatch.force.maps import draw_maps, harmonics, located
 from identification.mismatch.force.missing_force import missing_force
@@ -103,7 +104,7 @@ def diagnose(
     # its own threads keep the processors busy: those of the linear algebra would only be in their way
     with (
         threadpool_limits(1, user_api="blas"),
-        ThreadPoolExecutor(jobs or len(os.sched_getaffinity(0))) as pool,
+        Crew(jobs or len(os.sched_getaffinity(0))) as pool,
     ):
         bench = Bench(split.estimation, pool, settings or Settings())
         plain, known = without_known(bodies)
@@ -158,8 +159,9 @@ class _Result:
         accepted, model = list(self.selection.accepted), self.selection.model
         while accepted:
             last = output_error(self.bench, model, self.base)
-            shares = [(share_of_error(s, last), s) for s in dispensable([s for s, _ in accepted])]
-            least, idle = min(shares, key=lambda item: item[0])
+            asked = dispensable([s for s, _ in accepted])
+            shares = self.pool.map(partial(share_of_error, best=last), asked)
+            least, idle = min(zip(shares, asked, strict=True), key=lambda item: item[0])
             if least >= self.bench.settings.relevant:
                 return last, accepted
             assert isinstance(idle.candidate, Candidate)

@@ -16,7 +16,7 @@ own step. Every recording is predicted by the others, weighted by its own noise 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
@@ -101,7 +101,7 @@ class Screen:
         self,
         recordings: Sequence[Recording],
         settings: Settings,
-        pool: ThreadPoolExecutor,
+        pool: Executor,
         present: Values | None = None,
         window_s: float | None = None,
         *,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -12,6 +11,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from flexdrive_gym.drive.effects import LAYOUT
 from flexdrive_gym.recording import BoolArray, FloatArray, Recording
+from identification.mismatch.fitting.crew import Crew
 from identification.mismatch.fitting.experiments import IntArray, experiments
 from identification.mismatch.settings import Settings
 from identification.replay.batch import RunBatch
@@ -55,7 +55,7 @@ class Bench:
         Constants.
     """
 
-    def __init__(self, recordings: Sequence[Recording], pool: ThreadPoolExecutor, settings: Settings) -> None:
+    def __init__(self, recordings: Sequence[Recording], pool: Crew, settings: Settings) -> None:
         prepared = [comparable(r, settings) for r in recordings]
         order = sorted(range(len(prepared)), key=lambda i: prepared[i].positions)
         self.recordings = [recordings[i] for i in order]

@@ -244,19 +244,27 @@ def _stepped(c: Coordinates, z: FloatArray, H: FloatArray, g: FloatArray, dampin
 def _jacobian(
     bench: Bench, c: Coordinates, z: FloatArray, values: Values, here: FloatArray, near: Fit | None = None
 ) -> FloatArray:
-    S = np.empty((len(here), len(z)))
     rate = c.rate(z)
-    for i, name in enumerate(c.names):
+
+    def column(i: int) -> FloatArray:
+        name = c.names[i]
         if near is not None and name in near.names:
             j = near.names.index(name)
-            S[:, i] = near.jacobian[:, j] * (rate[i] / near.scale[j])
-            continue
+            return np.asarray(near.jacobian[:, j] * (rate[i] / near.scale[j]))
         step = _STEP if z[i] + _STEP <= c.high[i] else -_STEP
         moved = z.copy()
         moved[i] += step
-        S[:, i] = (bench.residual(c.to(moved, values)) - here) / step
-        if not S[:, i].any():
+        found = (bench.residual(c.to(moved, values)) - here) / step
+        if not found.any():
             # what holds a cart at rest may change somewhat without any effect
             moved[i] = z[i] + 100.0 * step
-            S[:, i] = (bench.residual(c.to(moved, values)) - here) / (100.0 * step)
+            found = (bench.residual(c.to(moved, values)) - here) / (100.0 * step)
+        return np.asarray(found)
+
+    if near is not None:
+        # known before they are asked for by several threads
+        _ = near.jacobian, near.scale
+    S = np.empty((len(here), len(z)))
+    for i, found in enumerate(bench.pool.map(column, range(len(z)))):
+        S[:, i] = found
     return S

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -66,7 +67,7 @@ def output_error(bench: Bench, near: Fit, *others: Fit) -> Fit:
     for _ in range(_ROUNDS):
         levels = Levels.of(bench, best.residual, *(o.residual for o in others))
         starts = [best.values, *({**best.values, **o.values} for o in others)]
-        best = min((held_first(bench, levels, start, near.names) for start in starts), key=lambda f: f.cost)
+        best = min(bench.pool.map(partial(held_first, bench, levels, names=near.names), starts), key=lambda f: f.cost)
     return best
 
 

@@ -332,7 +332,9 @@ class Selector:
         while len(taken) > 1:
             model = fit(self.bench, last.noise, model.values, model.names)
             asked = dispensable([scored for scored, _ in taken])
-            left_out = [(*self._without(s, step, model, last), s, step) for s, step in taken if s in asked]
+            ones = [(s, step) for s, step in taken if s in asked]
+            found = self.bench.pool.map(partial(self._without, model=model, last=last), *zip(*ones, strict=True))
+            left_out = [(p, less, s, step) for (p, less), (s, step) in zip(found, ones, strict=True)]
             # what stands for a free function needs not be rarer than it was then, and what brings the simulation near stays:
             # around a model that is far away draws tell nothing
             weak = [

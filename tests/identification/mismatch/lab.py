@@ -1,6 +1,5 @@
 """Short data sets for the tests of the diagnosis, and constants that make it quick."""
 
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -9,6 +8,7 @@ import numpy as np
 from flexdrive_gym import Drive, Excitation, Recording
 from identification.mismatch.answer.verdict import Diagnosis, RecordingFit
 from identification.mismatch.fitting.bench import Bench
+from identification.mismatch.fitting.crew import Crew
 from identification.mismatch.settings import Settings
 from identification.mismatch.split import Split
 from identification.quantities import HANDOUT_RATIOS, Quantity
@@ -38,7 +38,7 @@ def data_set(effects=None, *, force=0.05, kinds=KINDS, t=T, rig=RIG):
 
 @contextmanager
 def bench_of(recordings, settings=QUICK):
-    with ThreadPoolExecutor(1) as pool:
+    with Crew(2) as pool:
         yield Bench(recordings, pool, settings)
 
 

@@ -20,8 +20,8 @@ def stay(monkeypatch):
 
     def run(names, share=0.1):
         then = [Scored(Candidate(n, "guide", ((n, 1.0),)), None, np.ones(4), 1, p) for n, (p, _) in names.items()]
-        asked = SimpleNamespace(bench=None, level=LEVEL)
-        asked._without = lambda s, _step, model, _last: (names[s.name[0]][1], model)
+        asked = SimpleNamespace(bench=SimpleNamespace(pool=SimpleNamespace(map=map)), level=LEVEL)
+        asked._without = lambda s, _step, model, last: (names[s.name[0]][1], model)
         asked._share = lambda *_: share
         last = SimpleNamespace(noise=None, base=None)
         taken, _ = Selector._backward(asked, [(s, last) for s in then], SimpleNamespace(values={}, names=()), last)
