@@ -22,7 +22,7 @@ from baselines.rig_simulator.make import make_case
 from identification import read_recordings
 from identification.mismatch.diagnose import ALPHA, without_known
 from identification.mismatch.fitting.bench import Bench
-from identification.mismatch.fitting.crew import Crew
+from identification.mismatch.fitting.thread_pool import ThreadPool
 from identification.mismatch.selection.ranking import Round
 from identification.mismatch.selection.selector import Selector
 from identification.mismatch.settings import Settings
@@ -59,7 +59,7 @@ def _data_set(text: str) -> tuple[int, int]:
 
 def _rounds(rig: Path, seed: int) -> tuple[Round, ...]:
     runs = split_recordings(select(read_recordings(rig)).require()).estimation
-    with Crew(len(os.sched_getaffinity(0))) as pool:
+    with ThreadPool(len(os.sched_getaffinity(0))) as pool:
         plain, known = without_known(topology_of(runs))
         return Selector(Bench(runs, pool, Settings()), plain, known, ALPHA, seed, lambda _: None).run().rounds
 

@@ -28,8 +28,8 @@ from identification.mismatch.answer.verdict import Diagnosis, RecordingFit, Verd
 from identification.mismatch.candidates.catalogue import Candidate
 from identification.mismatch.candidates.phases import Phase
 from identification.mismatch.fitting.bench import Bench
-from identification.mismatch.fitting.crew import Crew
 from identification.mismatch.fitting.fit import Fit, fit
+from identification.mismatch.fitting.thread_pool import ThreadPool
 from identification.mismatch.force.maps import draw_maps, harmonics, located
 from identification.mismatch.force.missing_force import missing_force
 from identification.mismatch.selection.levels import output_error, share_of_error
@@ -104,7 +104,7 @@ def diagnose(
     # its own threads keep the processors busy: those of the linear algebra would only be in their way
     with (
         threadpool_limits(1, user_api="blas"),
-        Crew(jobs or len(os.sched_getaffinity(0))) as pool,
+        ThreadPool(jobs or len(os.sched_getaffinity(0))) as pool,
     ):
         bench = Bench(split.estimation, pool, settings or Settings())
         plain, known = without_known(bodies)

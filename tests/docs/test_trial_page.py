@@ -66,6 +66,10 @@ def test_outcomes_of_the_latest_study_alone_are_kept(studies):
 
 def test_studies_are_compared_by_their_figures(studies):
     page = read("docs/trial.md").splitlines()
+    head = next(text for text in page if text.startswith("| study |"))
+    assert (
+        "| nulls with a name | pairs, both named | outside the catalogue: unnamed, and not noticed | seconds |" in head
+    )
     rows = [row for row in studies["rows"]() if row["seed"].isdecimal()]
     assert [row["study"] for row in rows] == [
         "seed_1", "begun_2", "seed_3", "begun_5", "seed_6", "begun_7", "begun_8", "seed_9", "begun_10", "begun_11", "begun_13",

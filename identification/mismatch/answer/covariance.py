@@ -21,8 +21,8 @@ from flexdrive_gym.drive.drive import Covariance
 from flexdrive_gym.drive.parameters import parameter
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.fitting.fit import Coordinates, Fit, Metric
+from identification.mismatch.fitting.levels import Levels
 from identification.mismatch.fitting.score import Normal
-from identification.mismatch.selection.levels import Levels
 
 Limits = dict[str, tuple[float, float]]
 # a logarithm this uncertain says nothing, and its exponential is still a number

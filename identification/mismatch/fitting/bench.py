@@ -11,8 +11,8 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from flexdrive_gym.drive.effects import LAYOUT
 from flexdrive_gym.recording import BoolArray, FloatArray, Recording
-from identification.mismatch.fitting.crew import Crew
 from identification.mismatch.fitting.experiments import IntArray, experiments
+from identification.mismatch.fitting.thread_pool import ThreadPool
 from identification.mismatch.settings import Settings
 from identification.replay.batch import RunBatch
 from identification.replay.output_error import Run, prepare
@@ -55,7 +55,7 @@ class Bench:
         Constants.
     """
 
-    def __init__(self, recordings: Sequence[Recording], pool: Crew, settings: Settings) -> None:
+    def __init__(self, recordings: Sequence[Recording], pool: ThreadPool, settings: Settings) -> None:
         prepared = [comparable(r, settings) for r in recordings]
         order = sorted(range(len(prepared)), key=lambda i: prepared[i].positions)
         self.recordings = [recordings[i] for i in order]

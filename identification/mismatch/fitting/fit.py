@@ -244,13 +244,16 @@ def _stepped(c: Coordinates, z: FloatArray, H: FloatArray, g: FloatArray, dampin
 def _jacobian(
     bench: Bench, c: Coordinates, z: FloatArray, values: Values, here: FloatArray, near: Fit | None = None
 ) -> FloatArray:
-    rate = c.rate(z)
+    S, rate = np.empty((len(here), len(z))), c.rate(z)
+    own = set(range(len(z)))
+    if near is not None:
+        for i, name in enumerate(c.names):
+            if name in near.names:
+                j = near.names.index(name)
+                S[:, i] = near.jacobian[:, j] * (rate[i] / near.scale[j])
+                own.remove(i)
 
-    def column(i: int) -> FloatArray:
-        name = c.names[i]
-        if near is not None and name in near.names:
-            j = near.names.index(name)
-            return np.asarray(near.jacobian[:, j] * (rate[i] / near.scale[j]))
+    def changed(i: int) -> FloatArray:
         step = _STEP if z[i] + _STEP <= c.high[i] else -_STEP
         moved = z.copy()
         moved[i] += step
@@ -261,10 +264,6 @@ def _jacobian(
             found = (bench.residual(c.to(moved, values)) - here) / (100.0 * step)
         return np.asarray(found)
 
-    if near is not None:
-        # known before they are asked for by several threads
-        _ = near.jacobian, near.scale
-    S = np.empty((len(here), len(z)))
-    for i, found in enumerate(bench.pool.map(column, range(len(z)))):
+    for i, found in zip(own, bench.pool.map(changed, own), strict=True):
         S[:, i] = found
     return S

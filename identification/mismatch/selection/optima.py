@@ -12,6 +12,7 @@ from flexdrive_gym.drive.parameters import parameter
 from identification.mismatch.candidates.catalogue import Candidate, look_alikes
 from identification.mismatch.fitting.bench import Bench, Values
 from identification.mismatch.fitting.fit import Fit, Metric, fit, gain_of, resolved
+from identification.mismatch.fitting.levels import Levels
 from identification.mismatch.noise.estimate import Noise, first_noise
 from identification.mismatch.selection.evaluate import Name
 from identification.mismatch.selection.ranking import Scored, tied
@@ -72,7 +73,9 @@ def fit_candidates(
     asked = list(dict.fromkeys(candidate.name for candidate, _ in jobs if candidate.name in best))
     ahead = sorted(best, key=lambda n: best[n][1].cost)[: bench.settings.finished]
     leading = list(dict.fromkeys([*ahead, *asked[: bench.settings.finished // 2]]))
-    return best | _ended(base, noise, {n: best[n] for n in leading})
+    ended = _ended(base, noise, {n: best[n] for n in leading})
+    far_sighted = bench.pool.map(partial(_through_output_error, noise), [own for _, own in ended.values()])
+    return best | {n: (candidate, own) for (n, (candidate, _)), own in zip(ended.items(), far_sighted, strict=True)}
 
 
 def contained(base: Fit, model: Fit, candidates: Sequence[Candidate]) -> list[Start]:
@@ -149,6 +152,17 @@ def _ended(base: Fit, noise: Metric, best: Mapping[Name, tuple[Candidate, Fit]])
 
 def _at_optimum(noise: Metric, own: Fit) -> Fit:
     return own if own.known is not None else fit(own.bench, noise, own.values, own.names, near=own)
+
+
+def _through_output_error(noise: Metric, own: Fit) -> Fit:
+    """Return the better one of an optimum and of that which the optimum of the output error leads to.
+
+    Unknown forces excuse what adds up over a long time, and near rest the likelihood is rough: friction of the wrong size stays,
+    and a constant force comes out small. The output error excuses nothing.
+    """
+    seen = fit(own.bench, Levels.of(own.bench, own.residual), own.values, own.names)
+    other = fit(own.bench, noise, seen.values, own.names)
+    return min(own, other, key=lambda f: f.cost)
 
 
 def refit_base(base: Fit, noise: Noise, fits: Sequence[tuple[Candidate, Fit]]) -> Fit:

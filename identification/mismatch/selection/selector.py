@@ -12,13 +12,14 @@ from flexdrive_gym.recording import FloatArray
 from identification.mismatch.candidates.catalogue import Candidate, catalogue, look_alikes
 from identification.mismatch.fitting.bench import Bench, Values
 from identification.mismatch.fitting.fit import Fit, fit, gain_of
+from identification.mismatch.fitting.levels import Levels
 from identification.mismatch.fitting.score import shared
 from identification.mismatch.noise.estimate import Noise, damped
 from identification.mismatch.noise.nuisance import Direction
 from identification.mismatch.noise.scatter import dispersed
 from identification.mismatch.selection.account import Account, sensitivities
 from identification.mismatch.selection.evaluate import Name, Table, evaluate, random_gains
-from identification.mismatch.selection.levels import Levels, held_first, share_of_error
+from identification.mismatch.selection.levels import held_first, share_of_error
 from identification.mismatch.selection.linear import Linear
 from identification.mismatch.selection.null import Null, first_draws, null_of
 from identification.mismatch.selection.optima import (

@@ -8,7 +8,7 @@ import numpy as np
 from flexdrive_gym import Drive, Excitation, Recording
 from identification.mismatch.answer.verdict import Diagnosis, RecordingFit
 from identification.mismatch.fitting.bench import Bench
-from identification.mismatch.fitting.crew import Crew
+from identification.mismatch.fitting.thread_pool import ThreadPool
 from identification.mismatch.settings import Settings
 from identification.mismatch.split import Split
 from identification.quantities import HANDOUT_RATIOS, Quantity
@@ -38,7 +38,7 @@ def data_set(effects=None, *, force=0.05, kinds=KINDS, t=T, rig=RIG):
 
 @contextmanager
 def bench_of(recordings, settings=QUICK):
-    with Crew(2) as pool:
+    with ThreadPool(2) as pool:
         yield Bench(recordings, pool, settings)
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from identification.mismatch.answer.covariance import uncertainty
 from identification.mismatch.fitting.fit import fit
-from identification.mismatch.selection.levels import Levels
+from identification.mismatch.fitting.levels import Levels
 from identification.topology import TWO_CARTS
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import bench_of, data_set

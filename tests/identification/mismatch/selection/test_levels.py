@@ -3,7 +3,8 @@
 import numpy as np
 
 from identification.mismatch.fitting.fit import Coordinates, fit
-from identification.mismatch.selection.levels import Levels, held_first
+from identification.mismatch.fitting.levels import Levels
+from identification.mismatch.selection.levels import held_first
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import bench_of, data_set
 
