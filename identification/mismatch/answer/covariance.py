@@ -20,6 +20,7 @@ from scipy.stats import t as student
 from flexdrive_gym.drive.drive import Covariance
 from flexdrive_gym.drive.parameters import parameter
 from flexdrive_gym.recording import FloatArray
+from identification.mismatch.fitting.bench import Columns
 from identification.mismatch.fitting.fit import Coordinates, Fit, Metric
 from identification.mismatch.fitting.levels import Levels
 from identification.mismatch.fitting.score import Normal
@@ -29,7 +30,7 @@ Limits = dict[str, tuple[float, float]]
 _UNKNOWN = 300.0
 
 
-def uncertainty(best: Fit, simulated: FloatArray) -> tuple[Limits, Covariance | None]:
+def uncertainty(best: Fit, simulated: Columns) -> tuple[Limits, Covariance | None]:
     """Return the 95 % intervals of all fitted parameters, and their joint covariance in their own units.
 
     Parameters
@@ -77,7 +78,7 @@ def _jackknife(normal: Normal, damping: float) -> FloatArray:
     return np.asarray((U - 1.0) / U * apart.T @ apart)
 
 
-def _errors(best: Fit, simulated: FloatArray) -> FloatArray:
+def _errors(best: Fit, simulated: Columns) -> FloatArray:
     """Return within how many of its own standard errors 95 % of simulated estimates lie, shape (p,)."""
     bench, damping = best.bench, best.bench.settings.damping
     inner = best.jacobian[:, best.interior]

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flexdrive_gym.recording import BoolArray, FloatArray
-from identification.mismatch.fitting.bench import Bench
+from identification.mismatch.fitting.bench import Bench, Columns
 from identification.mismatch.fitting.score import leave_one_out_variance
 
 # slower than this a force is friction that wanders; faster than this encoders hardly see it [Hz]
@@ -60,7 +60,7 @@ class Line:
         return self.id, self.where
 
 
-def lines(bench: Bench, rest: FloatArray) -> list[tuple[Line, FloatArray]]:
+def lines(bench: Bench, rest: Columns) -> list[tuple[Line, FloatArray]]:
     """Return the best frequency of every cart with its gain per unit, shape (U, data sets).
 
     Parameters
@@ -84,7 +84,7 @@ def lines(bench: Bench, rest: FloatArray) -> list[tuple[Line, FloatArray]]:
 
 
 def _gains(
-    bench: Bench, rest: FloatArray, cart: int, frequency: FloatArray, silent: Sequence[BoolArray]
+    bench: Bench, rest: Columns, cart: int, frequency: FloatArray, silent: Sequence[BoolArray]
 ) -> tuple[FloatArray, int]:
     power, count = [], []
     for p in bench.pieces:
@@ -111,7 +111,7 @@ def made(command: FloatArray, sample_time: float, frequency: FloatArray) -> Bool
     return found
 
 
-def _spectrum(rows: FloatArray, step: float, frequency: FloatArray) -> npt.NDArray[np.complex128]:
+def _spectrum(rows: Columns, step: float, frequency: FloatArray) -> npt.NDArray[np.complex128]:
     """Return the Fourier transform of columns at evenly spaced frequencies, shape (frequencies, columns)."""
     n = max(len(rows), round(1.0 / (float(frequency[1] - frequency[0]) * step)))
     return np.asarray(np.fft.rfft(rows, n, axis=0)[np.rint(frequency * n * step).astype(np.int64)])

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from flexdrive_gym.drive.effects import LAYOUT
@@ -18,6 +20,10 @@ from identification.replay.batch import RunBatch
 from identification.replay.output_error import Run, prepare
 
 Values = Mapping[str, float]
+SingleArray = NDArray[np.float32]
+# of single precision where there are hundreds of them
+Columns = FloatArray | SingleArray
+Rows = TypeVar("Rows", FloatArray, SingleArray)
 # a cart that has moved by no more than a count, or so much of its way, within this time rests [s, 1]
 _REST_S, _STILL = 0.025, 1e-4
 
@@ -79,12 +85,15 @@ class Bench:
         """Return the unit of validation of every recording, shape (R,): recordings of one experiment err alike."""
         return experiments(self.recordings)
 
-    def products(self, white: FloatArray, others: FloatArray | None = None) -> FloatArray:
-        """Return the products of whitened columns, shape (N, k), with others, by default with themselves, shape (U, k, m)."""
-        others = white if others is None else others
-        found = np.zeros((int(self.units.max()) + 1, white.shape[1], others.shape[1]))
+    def products(self, white: Columns, others: Columns | None = None) -> FloatArray:
+        """Return the products of whitened columns, shape (N, k), with others, by default with themselves, shape (U, k, m).
+
+        They are of double precision, whatever the columns are of.
+        """
+        found = np.zeros((int(self.units.max()) + 1, white.shape[1], (white if others is None else others).shape[1]))
         for rows, u in zip(self.rows, self.units, strict=True):
-            found[u] += white[rows].T @ others[rows]
+            own = np.asarray(white[rows], dtype=np.float64)
+            found[u] += own.T @ (own if others is None else others[rows])
         return found
 
     def sums(self, columns: FloatArray) -> FloatArray:

@@ -174,6 +174,7 @@ def fit(
     *,
     iterations: int | None = None,
     near: Fit | None = None,
+    step: float = _STEP,
 ) -> Fit:
     """Fit parameters by damped Gauss-Newton steps (K. Levenberg 1944, D. Marquardt 1963) within their bounds.
 
@@ -189,6 +190,8 @@ def fit(
         Most steps of a first try, which ends when they no longer help; default: as many as it takes, up to the settings' most.
     near
         A fit whose derivatives hold at the start, or nearly so, for the parameters that it shares.
+    step
+        Of finite differences, in scaled coordinates: a long one sees over what is rough nearby.
     """
     settings = bench.settings
     c = Coordinates(names, start, bench.bounds)
@@ -197,7 +200,7 @@ def fit(
     raw = bench.residual(now)
     white = metric.white(raw)
     cost, fresh = float(white @ white), near is None or near.values == start
-    made = _jacobian(bench, c, z, now, raw, near)
+    made = _jacobian(bench, c, z, now, raw, step, near)
     S: FloatArray | None = made
     W = metric.white(made)
     for _ in range(settings.iterations if iterations is None else iterations):
@@ -224,7 +227,7 @@ def fit(
             break
         if stalled or before - cost > 0.5 * before:
             # derivatives that were carried too far say nothing of the damping that those of this place need
-            made = _jacobian(bench, c, z, now, raw)
+            made = _jacobian(bench, c, z, now, raw, step)
             S, damping = made, min(worked, 1e-2)
             W = metric.white(made)
         fresh = stalled
@@ -242,7 +245,13 @@ def _stepped(c: Coordinates, z: FloatArray, H: FloatArray, g: FloatArray, dampin
 
 
 def _jacobian(
-    bench: Bench, c: Coordinates, z: FloatArray, values: Values, here: FloatArray, near: Fit | None = None
+    bench: Bench,
+    c: Coordinates,
+    z: FloatArray,
+    values: Values,
+    here: FloatArray,
+    length: float = _STEP,
+    near: Fit | None = None,
 ) -> FloatArray:
     S, rate = np.empty((len(here), len(z))), c.rate(z)
     own = set(range(len(z)))
@@ -254,14 +263,15 @@ def _jacobian(
                 own.remove(i)
 
     def changed(i: int) -> FloatArray:
-        step = _STEP if z[i] + _STEP <= c.high[i] else -_STEP
+        step = length if z[i] + length <= c.high[i] else -length
         moved = z.copy()
         moved[i] += step
         found = (bench.residual(c.to(moved, values)) - here) / step
         if not found.any():
             # what holds a cart at rest may change somewhat without any effect
-            moved[i] = z[i] + 100.0 * step
-            found = (bench.residual(c.to(moved, values)) - here) / (100.0 * step)
+            step = np.copysign(100.0 * _STEP, step)
+            moved[i] = z[i] + step
+            found = (bench.residual(c.to(moved, values)) - here) / step
         return np.asarray(found)
 
     for i, found in zip(own, bench.pool.map(changed, own), strict=True):

@@ -26,18 +26,16 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from flexdrive_gym.recording import FloatArray
-from identification.mismatch.fitting.bench import Bench, Values
+from identification.mismatch.fitting.bench import Bench, Columns, Rows, SingleArray, Values
 from identification.mismatch.noise.friction import dry_level
 from identification.mismatch.noise.nuisance import Direction
 from identification.mismatch.noise.told import Told, scales
 from identification.mismatch.noise.whiten import Filter, transitions
 
-SingleArray = NDArray[np.float32]
-Across = Callable[[Callable[[int], FloatArray], Iterable[int]], Iterable[FloatArray]]
+Across = Callable[[Callable[[int], Any], Iterable[int]], Iterable[Any]]
 # intensity of white forces [s^½], standard deviation of slow ones [1], relative to dry friction, and their time [s],
 # where a search begins; it ends anywhere within a factor of fifty, for which the prior below asks no more than a few units of
 # log-likelihood
@@ -173,12 +171,12 @@ class Noise:
         """Return the sum of the logarithms of the innovations' variances."""
         return sum(self._filter(r).logarithm for r in range(len(self.bench.runs)))
 
-    def innovations(self, x: FloatArray, across: Across = map) -> FloatArray:
-        """Return rows whitened by the filter alone, shape (N,) or (N, k)."""
+    def innovations(self, x: Rows, across: Across = map) -> Rows:
+        """Return rows whitened by the filter alone, shape (N,) or (N, k), in their precision."""
         return self._each(x, self._filtered, across)
 
-    def white(self, x: FloatArray, across: Across = map) -> FloatArray:
-        """Return whitened rows of raw ones, shape (N,) or (N, k).
+    def white(self, x: Rows, across: Across = map) -> Rows:
+        """Return whitened rows of raw ones, shape (N,) or (N, k), in their precision.
 
         Parameters
         ----------
@@ -187,27 +185,29 @@ class Noise:
         """
         return self._each(x, self._damped, across)
 
-    def _each(self, x: FloatArray, one: Callable[[int, FloatArray], FloatArray], across: Across) -> FloatArray:
+    def _each(self, x: Rows, one: Callable[[int, Rows], Rows], across: Across) -> Rows:
         columns = x[:, None] if x.ndim == 1 else x
-        out = np.empty(columns.shape)
-        rows = self.bench.rows
-        parts = across(lambda r: one(r, np.asarray(columns[rows[r]], dtype=np.float64)), range(len(rows)))
-        for own, part in zip(rows, parts, strict=True):
-            out[own] = part
+        out = np.empty(columns.shape, columns.dtype)
+
+        def fill(r: int) -> None:
+            rows = self.bench.rows[r]
+            out[rows] = one(r, columns[rows])
+
+        list(across(fill, range(len(self.bench.rows))))
         return out[:, 0] if x.ndim == 1 else out
 
-    def _filtered(self, r: int, x: FloatArray) -> FloatArray:
+    def _filtered(self, r: int, x: Rows) -> Rows:
         own = self._filter(r)
         y = own.white(x.reshape(*own.valid.shape, x.shape[1])).reshape(x.shape)
         if self.weights is not None:
             y *= self.weights[self.bench.rows[r], None]
         return y
 
-    def _damped(self, r: int, x: FloatArray) -> FloatArray:
+    def _damped(self, r: int, x: Rows) -> Rows:
         y = self._filtered(r, x)
         for U in (modes[r] for modes in (self.modes, self.spread) if modes and modes[r].size):
             # what is taken off needs no more than single precision, which is half the memory to go through
-            y -= U @ (U.T @ y.astype(np.float32))
+            y -= U @ (U.T @ y.astype(np.float32, copy=False))
         return y
 
 
@@ -234,7 +234,7 @@ def estimate(
     residual: FloatArray,
     found: Sequence[Direction],
     near: Noise | None = None,
-    common: FloatArray | None = None,
+    common: SingleArray | None = None,
 ) -> Noise:
     """Return the noise that a residual shows.
 
@@ -248,7 +248,7 @@ def estimate(
         Run-to-run variability around it.
     near
         Noise of a residual like this one, from which the search begins.
-    common : ndarray, shape (N, k)
+    common : ndarray of float32, shape (N, k)
         Raw changes of rows that all recordings may share, of amplitudes N(0, 1): parameters, and everything that could be
         named. Noise is what these do not explain.
 
@@ -263,9 +263,9 @@ def estimate(
         noise = replace(noise, forces=near.forces, own=near.own)
     if not found:
         return _likeliest(bench, noise, residual, level, _RADIUS[0])
-    common = np.empty((len(residual), 0)) if common is None else common
-    D = np.column_stack([d.change * d.size for d in found])
-    columns = np.column_stack([D, common, residual])
+    common = np.empty((len(residual), 0), np.float32) if common is None else common
+    D = np.column_stack([(d.change * d.size).astype(np.float32) for d in found])
+    columns = np.column_stack([D, common, residual.astype(np.float32)])
 
     def told(noise: Noise, scale: Mapping[str, float]) -> Told:
         return Told.of(noise.innovations(columns, bench.pool.map), bench.rows, found, scale)
@@ -284,17 +284,18 @@ def estimate(
         rest = now.left(bench, D, common, residual)
     modes, logarithm = _modes(bench, now.white[:, : len(found)], found, scale)
     noise = replace(noise, scale=scale, modes=modes)
-    e = noise.white(residual - common @ now.common, bench.pool.map)
+    e = noise.white(residual - common @ now.common.astype(np.float32), bench.pool.map)
     return replace(noise, cost=float(0.5 * (e @ e) + 0.5 * (noise.logarithm + logarithm)))
 
 
-def unexplained(noise: Noise, residual: FloatArray, common: FloatArray) -> FloatArray:
+def unexplained(noise: Noise, residual: FloatArray, common: SingleArray) -> FloatArray:
     """Return the raw residual without what changes explain that all recordings share, shape (N,)."""
     if not common.shape[1]:
         return residual
-    white = noise.white(np.column_stack([common, residual]), noise.bench.pool.map)
-    C, e = white[:, :-1], white[:, -1]
-    return np.asarray(residual - common @ np.linalg.solve(C.T @ C + np.eye(C.shape[1]), C.T @ e))
+    C, e = noise.white(common, noise.bench.pool.map), noise.white(residual)
+    information = noise.bench.products(C).sum(axis=0)
+    own = np.linalg.solve(information + np.eye(len(information)), noise.bench.products(C, e[:, None]).sum(axis=0)[:, 0])
+    return np.asarray(residual - common @ own.astype(np.float32))
 
 
 def damped(noise: Noise, found: Sequence[Direction]) -> Noise:
@@ -359,7 +360,7 @@ def _own(bench: Bench, noise: Noise, rest: FloatArray) -> FloatArray:
 
 
 def _modes(
-    bench: Bench, white: FloatArray, found: Sequence[Direction], scale: Mapping[str, float]
+    bench: Bench, white: Columns, found: Sequence[Direction], scale: Mapping[str, float]
 ) -> tuple[list[SingleArray], float]:
     """Return what is damped, per recording, and the sum of the logarithms of the variances in these directions."""
     modes, logarithm = [], 0.0

@@ -13,7 +13,8 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from flexdrive_gym.recording import FloatArray
-from identification.mismatch.noise.estimate import Noise, SingleArray, damped
+from identification.mismatch.fitting.bench import SingleArray
+from identification.mismatch.noise.estimate import Noise, damped
 from identification.mismatch.noise.nuisance import Direction
 
 # rows over which a scatter is smoothed: 15 ms, the time of a slip
@@ -24,7 +25,7 @@ _EDGE = 4.2
 _TOLD = 0.05
 
 
-def scattered(noise: Noise, rows: FloatArray, left: FloatArray, found: Sequence[Direction]) -> Noise:
+def scattered(noise: Noise, rows: SingleArray, left: FloatArray, found: Sequence[Direction]) -> Noise:
     """Return the noise with less weight on rows that are no normal noise.
 
     Near rest a little force decides whether a cart slips. Rows there are as far from each other in simulations of the
@@ -48,7 +49,7 @@ def scattered(noise: Noise, rows: FloatArray, left: FloatArray, found: Sequence[
     return damped(replace(noise, weights=1.0 / np.sqrt(np.maximum(square, 1.0))), found)
 
 
-def dispersed(noise: Noise, columns: FloatArray, draws: FloatArray) -> tuple[Noise, FloatArray]:
+def dispersed(noise: Noise, columns: SingleArray, draws: SingleArray) -> tuple[Noise, SingleArray]:
     r"""Return the noise that counts what its simulations tell for as much as they scatter, and their white rows.
 
     Near breakaway a small constant force decides how far a cart creeps, and linear noise knows nothing of that. Within what
@@ -66,7 +67,7 @@ def dispersed(noise: Noise, columns: FloatArray, draws: FloatArray) -> tuple[Noi
     """
     spread: list[SingleArray] = []
     for rows in noise.bench.rows:
-        J = columns[rows]
+        J = columns[rows].astype(np.float64)
         J = J / np.maximum(np.linalg.norm(J, axis=0), 1e-300)
         square, V = np.linalg.eigh(J.T @ J)
         told = square > _TOLD
@@ -78,5 +79,5 @@ def dispersed(noise: Noise, columns: FloatArray, draws: FloatArray) -> tuple[Noi
         spread.append(np.asarray(U, dtype=np.float32))
     white = draws.copy()
     for rows, U in zip(noise.bench.rows, spread, strict=True):
-        white[rows] -= U @ (U.T @ draws[rows].astype(np.float32))
+        white[rows] -= U @ (U.T @ draws[rows].astype(np.float32, copy=False))
     return replace(noise, spread=spread), white

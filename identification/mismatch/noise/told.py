@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexdrive_gym.recording import FloatArray
-from identification.mismatch.fitting.bench import Bench
+from identification.mismatch.fitting.bench import Bench, SingleArray
 from identification.mismatch.noise.nuisance import Direction
 
 
@@ -18,7 +18,7 @@ class Told:
 
     Attributes
     ----------
-    white : ndarray, shape (N, k + m + 1)
+    white : ndarray of float32, shape (N, k + m + 1)
         Directions, common changes, and the residual.
     products : ndarray, shape (R, k + m + 1, k + m + 1)
         Of every recording.
@@ -28,7 +28,7 @@ class Told:
         By how much what all recordings share is to be taken off the residual.
     """
 
-    white: FloatArray
+    white: SingleArray
     products: FloatArray
     amplitude: FloatArray
     variance: FloatArray
@@ -36,18 +36,18 @@ class Told:
 
     @classmethod
     def of(
-        cls, white: FloatArray, rows: Sequence[slice], found: Sequence[Direction], scale: Mapping[str, float]
+        cls, white: SingleArray, rows: Sequence[slice], found: Sequence[Direction], scale: Mapping[str, float]
     ) -> Told:
         """Tell amplitudes of standard deviations that are ``scale`` times the prior ones.
 
         Parameters
         ----------
-        white : ndarray, shape (N, k + m + 1)
+        white : ndarray of float32, shape (N, k + m + 1)
             Directions of prior size, common changes, and the residual, whitened by the filter.
         rows
             Of every recording.
         """
-        products = np.array([white[own].T @ white[own] for own in rows])
+        products = np.array([part.T @ part for part in (white[own].astype(np.float64) for own in rows)])
         none = np.empty(0)
         return cls(white, products, none, none, none).with_scale(found, scale)
 
@@ -72,10 +72,10 @@ class Told:
             common=common,
         )
 
-    def left(self, bench: Bench, D: FloatArray, common: FloatArray, residual: FloatArray) -> FloatArray:
+    def left(self, bench: Bench, D: SingleArray, common: SingleArray, residual: FloatArray) -> FloatArray:
         """Return the raw residual without amplitudes and what all recordings share, shape (N,)."""
-        own = np.concatenate([D[rows] @ a for rows, a in zip(bench.rows, self.amplitude, strict=True)])
-        return np.asarray(residual - own - common @ self.common)
+        own = np.concatenate([D[rows] @ a.astype(D.dtype) for rows, a in zip(bench.rows, self.amplitude, strict=True)])
+        return np.asarray(residual - own - common @ self.common.astype(common.dtype))
 
 
 def scales(mean: FloatArray, variance: FloatArray, found: Sequence[Direction]) -> dict[str, float]:

@@ -29,6 +29,7 @@ from scipy.linalg import expm
 
 from flexdrive_gym.drive.compilation import inlined, kernel
 from flexdrive_gym.recording import BoolArray, FloatArray
+from identification.mismatch.fitting.bench import Rows
 from identification.mismatch.fitting.experiments import IntArray
 
 STATES = 8
@@ -38,6 +39,8 @@ _STOPS_S = 0.005
 _STIFF = 20.0
 # relative change of a variance per block below which a filter repeats itself
 _SETTLED = 1e-7
+# columns that are whitened together
+_TOGETHER = 256
 # variance of a position that nothing is known of, in variances of its rounding
 _UNKNOWN = 1e8
 
@@ -90,16 +93,16 @@ def _transition(
 
 
 @inlined
-def _carried(A: Any, x: Any, out: Any) -> None:
-    """Write A x, shape (8, columns)."""
+def _carried(A: Any, x: Any, out: Any, width: int) -> None:
+    """Write A x, shape (8, columns), for the first columns."""
     for i in range(STATES):
-        for j in range(x.shape[1]):
+        for j in range(width):
             out[i, j] = 0.0
         for k in range(STATES):
             a = A[i, k]
             # half of a transition is zero, and columns lie side by side
             if a != 0.0:
-                for j in range(x.shape[1]):
+                for j in range(width):
                     out[i, j] += a * x[k, j]
 
 
@@ -125,11 +128,11 @@ def _riccati(As: Any, Qs: Any, mode: Any, P: Any, rounding: Any, valid: Any, gai
         settled = False
         A, Q = As[mode[b]], Qs[mode[b]]
         # A P Aᵀ = A (A P)ᵀ, for P is symmetric
-        _carried(A, P, room)
+        _carried(A, P, room, STATES)
         for i in range(STATES):
             for k in range(STATES):
                 turned[i, k] = room[k, i]
-        _carried(A, turned, P)
+        _carried(A, turned, P, STATES)
         P += Q
         for c in range(carts):
             if not valid[c, b]:
@@ -159,26 +162,40 @@ def _riccati(As: Any, Qs: Any, mode: Any, P: Any, rounding: Any, valid: Any, gai
 
 @kernel
 def _innovations(As: Any, mode: Any, gain: Any, scale: Any, x: Any, valid: Any, step: float, out: Any) -> None:
-    """Write whitened rows, shape (carts, blocks, columns); ``step`` sums rows to positions first, 0 where they are positions."""
+    """Write whitened rows, shape (carts, blocks, columns); ``step`` sums rows to positions first, 0 where they are positions.
+
+    All but the sums are in the precision of ``x``. So many columns go together that their states stay in the fastest cache.
+    """
     carts, blocks, columns = x.shape
-    z, moved = np.zeros((STATES, columns)), np.zeros((STATES, columns))
-    summed, error = np.zeros((carts, columns)), np.zeros(columns)
-    for b in range(blocks):
-        _carried(As[mode[b]], z, moved)
-        for c in range(carts):
-            if not valid[c, b]:
-                for j in range(columns):
-                    out[c, b, j] = 0.0
-                continue
-            for j in range(columns):
-                summed[c, j] = summed[c, j] + step * x[c, b, j] if step > 0.0 else x[c, b, j]
-                error[j] = summed[c, j] - moved[2 * c, j] - moved[6 + c, j]
-                out[c, b, j] = error[j] * scale[c, b]
-            for i in range(STATES):
-                own = gain[b, c, i]
-                for j in range(columns):
-                    moved[i, j] += own * error[j]
-        z, moved = moved, z
+    z, moved = np.empty((STATES, _TOGETHER), x.dtype), np.empty((STATES, _TOGETHER), x.dtype)
+    summed, error = np.empty((carts, _TOGETHER)), np.empty(_TOGETHER, x.dtype)
+    for first in range(0, columns, _TOGETHER):
+        width = min(_TOGETHER, columns - first)
+        z[:] = 0.0
+        summed[:] = 0.0
+        for b in range(blocks):
+            _carried(As[mode[b]], z, moved, width)
+            for c in range(carts):
+                if not valid[c, b]:
+                    for j in range(width):
+                        out[c, b, first + j] = 0.0
+                    continue
+                if step > 0.0:
+                    for j in range(width):
+                        summed[c, j] += step * x[c, b, first + j]
+                else:
+                    for j in range(width):
+                        summed[c, j] = x[c, b, first + j]
+                for j in range(width):
+                    error[j] = summed[c, j] - moved[2 * c, j] - moved[6 + c, j]
+                for j in range(width):
+                    out[c, b, first + j] = error[j] * scale[c, b]
+                for i in range(STATES):
+                    own = gain[b, c, i]
+                    if own != 0.0:
+                        for j in range(width):
+                            moved[i, j] += own * error[j]
+            z, moved = moved, z
 
 
 @kernel
@@ -267,14 +284,15 @@ class Filter:
         moving = self.valid & ((self.mode >> np.arange(carts)[:, None]) & 1 == 0)
         return float(np.log(self.variance[moving]).sum())
 
-    def white(self, rows: FloatArray) -> FloatArray:
-        """Return whitened rows, shape (carts, blocks, columns)."""
-        scale = 1.0 / np.sqrt(self.variance)
+    def white(self, rows: Rows) -> Rows:
+        """Return whitened rows, shape (carts, blocks, columns), in the precision of the rows."""
+        out, scale = np.empty(rows.shape, rows.dtype), 1.0 / np.sqrt(self.variance)
         if rows.shape[2] == 1:
-            turned, one = np.ascontiguousarray(self.A.transpose(0, 2, 1)), np.ascontiguousarray(rows[..., 0])
-            out = np.empty(one.shape)
-            _innovations_of_one(turned, self.mode, self.gain, scale, one, self.valid, self.step, out)
-            return out[..., None]
-        out = np.empty(rows.shape)
-        _innovations(self.A, self.mode, self.gain, scale, np.ascontiguousarray(rows), self.valid, self.step, out)
+            turned = np.ascontiguousarray(self.A.transpose(0, 2, 1))
+            one, made = np.asarray(rows[..., 0], dtype=np.float64, order="C"), np.empty(rows.shape[:2])
+            _innovations_of_one(turned, self.mode, self.gain, scale, one, self.valid, self.step, made)
+            out[..., 0] = made
+        else:
+            A, gain, own = (np.asarray(x, dtype=rows.dtype) for x in (self.A, self.gain, scale))
+            _innovations(A, self.mode, gain, own, np.ascontiguousarray(rows), self.valid, self.step, out)
         return out

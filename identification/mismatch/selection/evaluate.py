@@ -12,7 +12,7 @@ from identification.mismatch.candidates.catalogue import Candidate
 from identification.mismatch.candidates.free import Shape
 from identification.mismatch.candidates.narrow_band import Line, lines
 from identification.mismatch.candidates.phases import Phase
-from identification.mismatch.fitting.bench import Bench
+from identification.mismatch.fitting.bench import Bench, Columns
 from identification.mismatch.fitting.score import bounded, leave_one_out_amplitude, shared
 from identification.mismatch.selection.linear import Entry, Linear
 
@@ -71,7 +71,7 @@ class Table:
         self.total[name] = np.where(better, total, self.total[name])
 
 
-def evaluate(linear: Linear, residual: FloatArray) -> Table:
+def evaluate(linear: Linear, residual: Columns) -> Table:
     """Return every candidate's gain.
 
     Parameters
@@ -117,7 +117,7 @@ def _left_out(
     return square + 2.0 * np.sum(steps * own, axis=1) + np.sum(steps * (H @ steps), axis=1), steps
 
 
-def _others(linear: Linear, residual: FloatArray, steps: FloatArray) -> FloatArray:
+def _others(linear: Linear, residual: Columns, steps: FloatArray) -> Columns:
     """Return the whitened rows that the base model fitted to the other units leaves, shape (N, data sets)."""
     rest = residual.copy()
     base = list(linear.base)
@@ -126,14 +126,14 @@ def _others(linear: Linear, residual: FloatArray, steps: FloatArray) -> FloatArr
     return rest
 
 
-def _random(linear: Linear, rest: FloatArray, entries: Sequence[Entry]) -> list[tuple[FloatArray, float]]:
+def _random(linear: Linear, rest: Columns, entries: Sequence[Entry]) -> list[tuple[FloatArray, float]]:
     """Return the gains of effects whose phase differs from run to run, and the variances of their sines and cosines."""
     if not entries:
         return []
     return random_gains(linear.bench, linear.white[:, [c for e in entries for c in e.columns]], rest)
 
 
-def random_gains(bench: Bench, columns: FloatArray, rest: FloatArray) -> list[tuple[FloatArray, float]]:
+def random_gains(bench: Bench, columns: Columns, rest: Columns) -> list[tuple[FloatArray, float]]:
     """Return the gains of pairs of columns with one amplitude and a phase of every run, and the variances of either.
 
     Parameters
@@ -146,7 +146,7 @@ def random_gains(bench: Bench, columns: FloatArray, rest: FloatArray) -> list[tu
     pairs = columns.shape[1] // 2
     information, form = [], []
     for rows in bench.rows:
-        S = columns[rows].reshape(-1, pairs, 2)
+        S = columns[rows].reshape(-1, pairs, 2).astype(np.float64)
         H = np.einsum("npi,npj->pij", S, S)
         g = np.tensordot(S, rest[rows], axes=(0, 0))
         # turned until sine and cosine do not correlate, and scaled to one information

@@ -8,13 +8,12 @@ from functools import cached_property
 from itertools import chain
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.candidates.catalogue import Candidate
 from identification.mismatch.candidates.free import Shape
 from identification.mismatch.candidates.phases import Phase, phases
-from identification.mismatch.fitting.bench import Bench
+from identification.mismatch.fitting.bench import Bench, Columns, SingleArray
 from identification.mismatch.fitting.fit import Fit, resolved
 from identification.mismatch.fitting.score import Normal
 from identification.mismatch.noise.estimate import Noise
@@ -55,7 +54,7 @@ class Linear:
         Candidates that change the simulation.
     changes : ndarray of float32, shape (N, M - p)
         Raw sensitivities to the candidates, in single precision: there are hundreds.
-    white : ndarray, shape (N, M)
+    white : ndarray of float32, shape (N, M)
         Whitened ones, the p of the base model first.
     products : ndarray, shape (U, M, M)
         Of whitened columns, per unit.
@@ -66,16 +65,16 @@ class Linear:
     model: Fit
     noise: Noise
     entries: tuple[Entry, ...]
-    changes: NDArray[np.float32]
-    white: FloatArray
+    changes: SingleArray
+    white: SingleArray
     products: FloatArray
     residual: FloatArray
 
     @classmethod
-    def of(cls, model: Fit, noise: Noise, changes: NDArray[np.float32], entries: Sequence[Entry]) -> Linear:
+    def of(cls, model: Fit, noise: Noise, changes: SingleArray, entries: Sequence[Entry]) -> Linear:
         """Whiten columns and residual."""
         bench, inner = model.bench, model.jacobian[:, model.interior]
-        white = noise.white(np.column_stack([inner.astype(changes.dtype), changes]), bench.pool.map)
+        white = noise.white(np.hstack([inner.astype(np.float32), changes], dtype=np.float32), bench.pool.map)
         return cls(model, noise, tuple(entries), changes, white, bench.products(white), noise.white(model.residual))
 
     @property
@@ -89,12 +88,12 @@ class Linear:
         return range(self.white.shape[1] - self.changes.shape[1])
 
     @property
-    def shared(self) -> FloatArray:
+    def shared(self) -> SingleArray:
         """Return the whitened columns of what all recordings share, shape (N, k)."""
         return self.white[:, [*self.base, *dict.fromkeys(c for e in self.entries if not e.random for c in e.columns)]]
 
     @cached_property
-    def common(self) -> FloatArray:
+    def common(self) -> SingleArray:
         """Return raw changes that all recordings may share, each as large as it may well be, shape (N, m)."""
         sizes = dict.fromkeys(self.base, _PARAMETER)
         for e in self.entries:
@@ -102,13 +101,15 @@ class Linear:
                 sizes |= {c: _LARGE * abs(s) for c, (_, s) in zip(e.columns, e.candidate.sizes, strict=True)}
             elif isinstance(e.candidate, Shape):
                 sizes |= dict.fromkeys(e.columns, _LARGE * e.candidate.size)
-        use, size, first = list(sizes), np.array(list(sizes.values())), len(self.base)
-        inner = self.model.jacobian[:, self.model.interior]
-        raw = np.column_stack([inner, self.changes[:, [c - first for c in use[first:]]]]) * size
+        use, size, p = list(sizes), np.array(list(sizes.values())), len(self.base)
         information = self.products.sum(axis=0)[np.ix_(use, use)]
         square, V = np.linalg.eigh(information * np.outer(size, size))
         # what noise hides is left out
-        return np.asarray(raw @ V[:, square > _HIDDEN])
+        seen = square > _HIDDEN
+        turn = np.zeros((self.white.shape[1], int(seen.sum())), np.float32)
+        turn[use] = V[:, seen] * size[:, None]
+        inner = self.model.jacobian[:, self.model.interior].astype(np.float32)
+        return np.asarray(inner @ turn[:p] + self.changes @ turn[p:])
 
     def moved(self, more: Sequence[int], step: FloatArray) -> FloatArray:
         """Return the raw residual after a step of the base model's parameters and of some columns."""
@@ -116,19 +117,13 @@ class Linear:
         own = self.changes[:, [c - p for c in more]] @ step[p:]
         return np.asarray(model.residual + model.jacobian[:, model.interior] @ step[:p] + own)
 
-    def gradient(self, residual: FloatArray) -> FloatArray:
+    def gradient(self, residual: Columns) -> FloatArray:
         """Return the products of all columns with whitened residuals per unit, shape (U, M, k), from shape (N, k)."""
-        found = np.zeros((len(self.products), self.white.shape[1], residual.shape[1]))
-        for rows, u in zip(self.bench.rows, self.bench.units, strict=True):
-            found[u] += self.white[rows].T @ residual[rows]
-        return found
+        return self.bench.products(self.white, residual)
 
-    def square(self, residual: FloatArray) -> FloatArray:
+    def square(self, residual: Columns) -> FloatArray:
         """Return the squares of whitened residuals per unit, shape (U, k)."""
-        found = np.zeros((len(self.products), residual.shape[1]))
-        for rows, u in zip(self.bench.rows, self.bench.units, strict=True):
-            found[u] += np.sum(residual[rows] ** 2, axis=0)
-        return found
+        return self.bench.sums(np.square(residual, dtype=np.float64))
 
     def normal(self, gradient: FloatArray, square: FloatArray, more: Sequence[int] = ()) -> Normal:
         """Return the normal equations of the base model with some columns.
@@ -149,7 +144,7 @@ class Linear:
         if noise is not self.noise:
             return Linear.of(model, noise, self.changes, entries)
         # the candidates' columns stay what they are
-        inner = noise.white(model.jacobian[:, model.interior])
+        inner = noise.white(model.jacobian[:, model.interior].astype(np.float32))
         white = np.column_stack([inner, self.white[:, before:]])
         own = self.bench.products(inner, white)
         products = np.empty((len(own), white.shape[1], white.shape[1]))
@@ -178,7 +173,7 @@ def linearise(
         k: ((moved - here) / size).astype(np.float32)
         for (k, (_, size)), moved in zip(drives.items(), bench.residuals([v for v, _ in drives.values()]), strict=True)
     }
-    columns: list[NDArray[np.float32]] = []
+    columns: list[SingleArray] = []
     base = int(np.sum(model.interior))
     entries = []
     place: dict[object, int] = {}

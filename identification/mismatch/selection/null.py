@@ -19,7 +19,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from flexdrive_gym.recording import FloatArray
-from identification.mismatch.fitting.bench import Bench, Values
+from identification.mismatch.fitting.bench import Bench, SingleArray, Values
 from identification.mismatch.noise.estimate import Noise
 from identification.mismatch.noise.friction import moving
 from identification.mismatch.noise.nuisance import Direction, drawn
@@ -93,7 +93,7 @@ def _score(gain: FloatArray, often: float, index: float) -> FloatArray:
 
 def first_draws(
     bench: Bench, values: Values, noise: Noise, found: Sequence[Direction], left: FloatArray, seed: Sequence[int]
-) -> tuple[Noise, FloatArray]:
+) -> tuple[Noise, SingleArray]:
     """Return the noise with the weights that simulations of it and unexplained rows tell, and their whitened rows.
 
     Returns
@@ -111,7 +111,7 @@ def null_of(
     values: Values,
     noise: Noise,
     found: Sequence[Direction],
-    first: FloatArray,
+    first: SingleArray,
     data: Table,
     seed: Sequence[int],
 ) -> Null:
@@ -149,7 +149,7 @@ def null_of(
 
 def simulated(
     bench: Bench, values: Values, noise: Noise, found: Sequence[Direction], draws: range, seed: Sequence[int]
-) -> FloatArray:
+) -> SingleArray:
     """Return rows of simulated data sets against the drive itself, shape (N, draws)."""
     here = bench.residual(values, [np.zeros((2, len(run.u))) for run in bench.runs])
     forces = [d.force for d in found if d.force is not None]
@@ -173,7 +173,10 @@ def simulated(
             np.array([a[r, pushing] for a in amplitudes], dtype=np.float32) @ shapes[r] for r in range(len(bench.runs))
         ]
         return np.column_stack(
-            [one(rng, a, [p[i] for p in pushes]) for i, (rng, a) in enumerate(zip(rngs, amplitudes, strict=True))]
+            [
+                one(rng, a, [p[i] for p in pushes]).astype(np.float32)
+                for i, (rng, a) in enumerate(zip(rngs, amplitudes, strict=True))
+            ]
         )
 
     def one(rng: np.random.Generator, amplitude: FloatArray, push: list[FloatArray]) -> FloatArray:

@@ -24,6 +24,8 @@ WORTH = 2.0
 # iterations of a first try from every start, and the share of a start's sizes that a second one has
 _TRY = 4
 _SMALL = 0.1
+# finite difference that sees over rests and slips, in scaled coordinates
+_LONG = 0.05
 # share of an effect that stands for its derivative
 _LITTLE = 0.1
 
@@ -158,11 +160,11 @@ def _through_output_error(noise: Metric, own: Fit) -> Fit:
     """Return the better one of an optimum and of that which the optimum of the output error leads to.
 
     Unknown forces excuse what adds up over a long time, and near rest the likelihood is rough: friction of the wrong size stays,
-    and a constant force comes out small. The output error excuses nothing.
+    and a constant force comes out small. The output error excuses nothing, and long differences see over what is rough.
     """
-    seen = fit(own.bench, Levels.of(own.bench, own.residual), own.values, own.names)
-    other = fit(own.bench, noise, seen.values, own.names)
-    return min(own, other, key=lambda f: f.cost)
+    seen = fit(own.bench, Levels.of(own.bench, own.residual), own.values, own.names, iterations=2 * _TRY, step=_LONG)
+    other = fit(own.bench, noise, seen.values, own.names, iterations=_TRY)
+    return _at_optimum(noise, other) if other.cost < own.cost else own
 
 
 def refit_base(base: Fit, noise: Noise, fits: Sequence[tuple[Candidate, Fit]]) -> Fit:

@@ -8,9 +8,8 @@ from functools import partial
 
 import numpy as np
 
-from flexdrive_gym.recording import FloatArray
 from identification.mismatch.candidates.catalogue import Candidate, catalogue, look_alikes
-from identification.mismatch.fitting.bench import Bench, Values
+from identification.mismatch.fitting.bench import Bench, SingleArray, Values
 from identification.mismatch.fitting.fit import Fit, fit, gain_of
 from identification.mismatch.fitting.levels import Levels
 from identification.mismatch.fitting.score import shared
@@ -245,6 +244,8 @@ class Selector:
             model = min((f for _, f in fits.values()), key=lambda f: f.cost, default=base)
             if model.cost > base.cost - enough:
                 break
+            # hundreds of columns that are not needed beside those of the next turn
+            del account
         assert linear is not None
         return self._judged(linear, first, fits, found, candidates, seed)
 
@@ -258,7 +259,7 @@ class Selector:
     def _judged(
         self,
         linear: Linear,
-        first: FloatArray,
+        first: SingleArray,
         fits: dict[Name, tuple[Candidate, Fit]],
         found: Sequence[Direction],
         candidates: Sequence[Candidate],
@@ -315,7 +316,7 @@ class Selector:
         return [*found, *more, *((c, {**v, **beside}) for c, v in more if c.id in alike)]
 
     def _jobs(
-        self, base: Fit, linear: Linear, table: Table, first: FloatArray, candidates: Sequence[Candidate]
+        self, base: Fit, linear: Linear, table: Table, first: SingleArray, candidates: Sequence[Candidate]
     ) -> list[tuple[Candidate, dict[str, float]]]:
         """Return what to fit: in turn names whose linear change is the least like chance, and those whose change gains most."""
         prior = Null.of(evaluate(linear, first).total)

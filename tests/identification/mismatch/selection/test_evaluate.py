@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from identification.mismatch.fitting.bench import Bench
 from identification.mismatch.selection import evaluate as module
 from identification.mismatch.selection.evaluate import evaluate
 from identification.mismatch.selection.linear import Entry, Linear
@@ -21,11 +22,10 @@ def gain_where(monkeypatch):
 
     def gain(shown, present):
         rng = np.random.default_rng(4)
-        bench = SimpleNamespace(
-            settings=Settings(),
-            units=np.arange(EXPERIMENTS),
-            rows=[slice(ROWS * u, ROWS * (u + 1)) for u in range(EXPERIMENTS)],
-        )
+        # rows of no recordings
+        bench = object.__new__(Bench)
+        bench.settings, bench.units = Settings(), np.arange(EXPERIMENTS)
+        bench.rows = [slice(ROWS * u, ROWS * (u + 1)) for u in range(EXPERIMENTS)]
         column = rng.normal(size=(EXPERIMENTS, ROWS)) * np.isin(np.arange(EXPERIMENTS), shown)[:, None]
         residual = rng.normal(size=column.shape) + column * np.isin(np.arange(EXPERIMENTS), present)[:, None]
         products = np.sum(column**2, axis=1)[:, None, None]
