@@ -164,11 +164,11 @@ class _Result:
             least, idle = min(zip(shares, asked, strict=True), key=lambda item: item[0])
             if least >= self.bench.settings.relevant:
                 return last, accepted
-            assert isinstance(idle.candidate, Candidate)
             accepted = [(s, step) for s, step in accepted if s is not idle]
-            names = [n for n in model.names if n not in idle.candidate.keys]
-            noise = self.selection.rounds[-1].noise
-            model = fit(self.bench, noise, without(idle.candidate, model.values, names), names)
+            if isinstance(idle.candidate, Candidate):
+                names = [n for n in model.names if n not in idle.candidate.keys]
+                noise = self.selection.rounds[-1].noise
+                model = fit(self.bench, noise, without(idle.candidate, model.values, names), names)
         return self.base, []
 
     @property

@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 
+import numpy as np
+
 from identification.mismatch.candidates.catalogue import Candidate
 from identification.mismatch.fitting.bench import Bench, Values
 from identification.mismatch.fitting.fit import Fit, fit
@@ -52,13 +54,15 @@ def share_of_error(scored: Scored, best: Fit) -> float:
     Parameters
     ----------
     scored
-        The effect. One with a phase of its own in every recording is in no simulation: its share is 1.
+        The effect. One with a phase of its own in every recording is in no simulation: what it takes off is what its amplitude
+        makes.
     best
         The drive with it, at the optimum of its own metric.
     """
     candidate = scored.candidate
     if not isinstance(candidate, Candidate):
-        return 1.0
+        made = best.metric.white(np.column_stack([d.size * d.change for d in scored.variability]))
+        return float(np.sum(made**2)) / max(best.cost, 1e-300)
     names = [n for n in best.names if n not in candidate.keys]
     less = fit(best.bench, best.metric, without(candidate, best.values, names), names)
     return 1.0 - best.cost / max(less.cost, 1e-300)

@@ -161,11 +161,9 @@ class Selector:
 
     def _share(self, scored: Scored, base: Fit) -> float:
         """Return the share of the squared output error that a name takes off, beside what was named before."""
-        if scored.fit is None:
-            # one with a phase of its own in every recording
-            return 1.0
-        levels = Levels.of(self.bench, scored.fit.residual, base.residual)
-        return share_of_error(scored, held_first(self.bench, levels, scored.fit.values, scored.fit.names))
+        best = scored.fit or base
+        levels = Levels.of(self.bench, best.residual, base.residual)
+        return share_of_error(scored, held_first(self.bench, levels, best.values, best.names))
 
     def _stand(self, names: Sequence[tuple[Scored, Round]], step: Round) -> bool:
         """Whether names stand for the free function that won.

@@ -2,9 +2,12 @@
 
 import numpy as np
 
+from identification.mismatch.candidates.phases import Phase
 from identification.mismatch.fitting.fit import Coordinates, fit
 from identification.mismatch.fitting.levels import Levels
-from identification.mismatch.selection.levels import held_first
+from identification.mismatch.noise.nuisance import Direction
+from identification.mismatch.selection.levels import held_first, share_of_error
+from identification.mismatch.selection.ranking import Scored
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import bench_of, data_set
 
@@ -31,6 +34,20 @@ def test_a_gap_is_not_closed_by_friction_of_the_wrong_size():
     assert held.cost <= 1.001 * at_once.cost
     assert abs(held.values["coupling_backlash.g"] - 0.6) < 0.1
     assert abs(held.values["d1"] / RIG["d1"] - 1.0) < 0.1
+
+
+def test_a_ripple_with_a_phase_of_its_own_takes_off_what_its_amplitude_makes():
+    """Its phase differs from run to run, so that no simulation has it: a share of the output error all the same."""
+    with bench_of(data_set(kinds=[("sine", 2.5, 2.0), ("sine", 2.5, 3.0)])) as bench:
+        levels = Levels.of(bench, bench.residual(RIG))
+        best = fit(bench, levels, RIG, ["d1"])
+        ripple = [np.where(bench.valid, wave(0.1 * np.arange(len(bench.valid))), 0.0) for wave in (np.sin, np.cos)]
+        parts = tuple(Direction("ripple", 2.0, change) for change in ripple)
+        share = share_of_error(
+            Scored(Phase("cogging", "drivetrain", 20.0), None, np.ones(2), 2, variability=parts), best
+        )
+    # a sine and a cosine of standard deviation 2 have the square 4 in every row
+    assert np.isclose(share, 4.0 * np.sum(levels.weights**2) / best.cost)
 
 
 def test_a_parameter_at_its_bound_is_within_it():
