@@ -46,6 +46,7 @@ _REASONS = {
     "cogging": "there is no force that repeats along a joint",
     "motor_gear_backlash": "its contacts follow another law than Hunt and Crossley's",
     "spring_hysteresis": "its springs remember nothing",
+    "asymmetric_spring": "its springs are polynomials",
     "saturation": "a limit of the command is hard",
 }  # fmt: skip
 _HELD = {
@@ -97,7 +98,9 @@ def export_mujoco(drive: Drive, name: str, *, command: str = "flexdrive export")
         return drive[key] / units.one(unit)
 
     which = present_effects(drive)
-    held = [w for w in which if w[0] in _HELD and not (turns and w[0] == "tilt")]
+    bends = drive["asymmetric_spring.c"] > 0.0
+    lost = {*(["tilt"] if turns else ()), *(["asymmetric_spring"] if bends else ())}
+    held = [w for w in which if w[0] in _HELD - lost]
     delayed = [("input_delay", "actuator")] if drive["input_delay.tau"] > 0.0 else []
     carts = _carts(drive, of, turns=turns)
     lag = of("amplifier_lag.tau", "s")
@@ -178,7 +181,8 @@ def _track(drive: Drive, of: Any) -> dict[str, float]:
 def _springs(drive: Drive, of: Any) -> list[dict[str, Any]]:
     if drive.carts == 1:
         return []
-    stiffness = [of("k", "V/mm"), of("asymmetric_spring.k2", "V/mm²"), of("hardening_spring.k3", "V/mm³")]
+    square = of("asymmetric_spring.k2", "V/mm²") if drive["asymmetric_spring.c"] == 0.0 else 0.0
+    stiffness = [of("k", "V/mm"), square, of("hardening_spring.k3", "V/mm³")]
     play = of("coupling_backlash.g", "mm")
     springs = [{"name": "spring", "stiffness": stiffness, "damping": of("C", "V s/mm"), "play": play}]
     if drive["coil_bind.kb"] != 0.0:

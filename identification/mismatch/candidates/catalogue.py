@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from itertools import product
+from itertools import chain, product
 from math import isfinite
 
 from flexdrive_gym.drive.effects import EFFECTS, LAYOUT, Effect, Parameter
@@ -140,14 +140,16 @@ def _of(effect: Effect, where: str, topology: Topology, reach: float | None) -> 
     )
     masses = {effect.key(where, name): base for name, base in _PARTS.get(effect.id, {}).items()}
     found = []
-    grids = [[(effect.key(where, q.name), v) for v in q.starts] for q in shapes]
-    for chosen in product(*grids):
+    # a shape that a fit sees as a logarithm has no zero: there the effect is without it
+    grids = [[((effect.key(where, q.name), v),) if v != 0.0 or q.lower < 0.0 else () for v in q.starts] for q in shapes]
+    for parts_of_shape in product(*grids):
+        chosen = tuple(chain.from_iterable(parts_of_shape))
         for group in _groups(sizes):
             levels = max(len(_levels(q)) for q in group)
             for level in range(levels):
                 own = tuple((effect.key(where, q.name), _levels(q)[min(level, len(_levels(q)) - 1)]) for q in group)
                 parts = tuple((key, masses[key]) for key, _ in own if key in masses)
-                found.append(Candidate(effect.id, where, own, tuple(chosen), takes, parts))
+                found.append(Candidate(effect.id, where, own, chosen, takes, parts))
     return found
 
 

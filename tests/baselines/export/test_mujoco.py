@@ -59,6 +59,12 @@ def test_what_it_cannot_hold_is_named_with_a_reason_here_and_in_the_file():
     assert any(line.startswith("hardening_spring at spring") for line in exported.held)
 
 
+def test_a_spring_of_two_stiffnesses_is_no_polynomial():
+    exported = export_mujoco(DEFAULT_DRIVE.replace({"asymmetric_spring.k2": 5e-4, "asymmetric_spring.c": 0.4}), "rig")
+    assert "asymmetric_spring at spring: its springs are polynomials" in exported.left_out
+    assert not any(line.startswith("asymmetric_spring") for line in exported.held)
+
+
 def test_the_model_in_figures():
     root = ET.fromstring(export_mujoco(Drive(LIMITED), "rig").text)
     joints = {j.get("name"): j.attrib for j in root.iter("joint") if j.get("name")}

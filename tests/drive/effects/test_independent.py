@@ -78,6 +78,11 @@ CASES = {
         {"spring": lambda delta, _rate, _w: K * delta + 8e-4 * delta**2 + 4e-5 * delta**3},
         1e-6,
     ),
+    "a spring of two stiffnesses": (
+        {"asymmetric_spring.k2": 8e-3, "asymmetric_spring.c": 0.3},
+        {"spring": lambda delta, _rate, _w: K * delta + 8e-3 * delta**2 / (1.0 + 0.3 * abs(delta))},
+        1e-6,
+    ),
     "ground": (
         {"ground_spring.kg": 2e-3, "ground_spring.kg3": 1e-8, "ground_spring.kg_2": 1e-3, "tilt.F": 0.03},
         {

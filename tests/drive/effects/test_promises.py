@@ -24,6 +24,10 @@ POTENTIALS = {
     "hardening_spring": ({"hardening_spring.k3": 4e-5}, lambda _a, _b, d: 4e-5 * d**4 / 4),
     "softening": ({"hardening_spring.k3": -2e-5}, lambda _a, _b, d: -2e-5 * d**4 / 4),
     "asymmetric_spring": ({"asymmetric_spring.k2": 5e-4}, lambda _a, _b, d: 5e-4 * d**3 / 3),
+    "a spring of two stiffnesses": (
+        {"asymmetric_spring.k2": 4e-3, "asymmetric_spring.c": 0.4},
+        lambda _a, _b, d: np.sign(d) * 4e-3 * (d**2 / 0.8 - np.abs(d) / 0.16 + np.log1p(0.4 * np.abs(d)) / 0.064),
+    ),
     "coil_bind": (
         {"coil_bind.kb": 0.2, "coil_bind.d0": 8.0},
         lambda _a, _b, d: 0.1 * np.maximum(np.abs(d) - 8.0, 0.0) ** 2,
