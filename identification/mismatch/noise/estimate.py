@@ -32,7 +32,7 @@ from flexdrive_gym.recording import FloatArray
 from identification.mismatch.fitting.bench import Bench, Columns, Rows, SingleArray, Values
 from identification.mismatch.noise.friction import dry_level
 from identification.mismatch.noise.nuisance import Direction
-from identification.mismatch.noise.told import Told, scales
+from identification.mismatch.noise.told import Told, inverse, scales
 from identification.mismatch.noise.whiten import Filter, transitions
 
 Across = Callable[[Callable[[int], Any], Iterable[int]], Iterable[Any]]
@@ -294,7 +294,7 @@ def unexplained(noise: Noise, residual: FloatArray, common: SingleArray) -> Floa
         return residual
     C, e = noise.white(common, noise.bench.pool.map), noise.white(residual)
     information = noise.bench.products(C).sum(axis=0)
-    own = np.linalg.solve(information + np.eye(len(information)), noise.bench.products(C, e[:, None]).sum(axis=0)[:, 0])
+    own = inverse(information + np.eye(len(information))) @ noise.bench.products(C, e[:, None]).sum(axis=0)[:, 0]
     return np.asarray(residual - common @ own.astype(np.float32))
 
 

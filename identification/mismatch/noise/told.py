@@ -11,6 +11,9 @@ from flexdrive_gym.recording import FloatArray
 from identification.mismatch.fitting.bench import Bench, SingleArray
 from identification.mismatch.noise.nuisance import Direction
 
+# ridge relative to the diagonal of the information: what single precision does not resolve
+_RIDGE = 1e-9
+
 
 @dataclass(frozen=True, eq=False)
 class Told:
@@ -55,14 +58,15 @@ class Told:
         """Return the amplitudes for other standard deviations, by Henderson's equations (C. R. Henderson, 1975)."""
         k = len(found)
         prior = np.diag([scale[d.group] ** -2.0 for d in found])
-        covariance = np.linalg.inv(self.products[:, :k, :k] + prior)
+        covariance = inverse(self.products[:, :k, :k] + prior)
         # of common changes and the residual: the amplitudes that they alone would have, and what these leave
         own = covariance @ self.products[:, :k, k:]
         rest = np.sum(self.products[:, k:, k:] - self.products[:, k:, :k] @ own, axis=0)
         variance = np.diagonal(covariance, axis1=1, axis2=2)
         if rest.shape[0] == 1:
             return replace(self, amplitude=own[..., -1], variance=variance, common=np.empty(0))
-        spread = np.linalg.inv(rest[:-1, :-1] + np.eye(len(rest) - 1))
+        whole = np.sum(self.products, axis=0).diagonal()[k:-1]
+        spread = inverse(rest[:-1, :-1] + np.eye(len(rest) - 1), whole)
         common = spread @ rest[:-1, -1]
         shared = own[..., :-1]
         return replace(
@@ -76,6 +80,22 @@ class Told:
         """Return the raw residual without amplitudes and what all recordings share, shape (N,)."""
         own = np.concatenate([D[rows] @ a.astype(D.dtype) for rows, a in zip(bench.rows, self.amplitude, strict=True)])
         return np.asarray(residual - own - common @ self.common.astype(common.dtype))
+
+
+def inverse(information: FloatArray, whole: FloatArray | None = None) -> FloatArray:
+    """Return the inverse of one or many matrices, shape (..., p, p), each scaled to a unit diagonal.
+
+    Around a drive whose second cart hardly holds, changes are millions of standard deviations, and products of such columns hide
+    the others by round-off.
+
+    Parameters
+    ----------
+    whole : ndarray, shape (p,)
+        Diagonal before something was taken off; by default that of the matrices.
+    """
+    d = np.sqrt(np.maximum(np.diagonal(information, axis1=-2, axis2=-1) if whole is None else whole + 1.0, 1e-300))
+    both = d[..., :, None] * d[..., None, :]
+    return np.asarray(np.linalg.inv(information / both + _RIDGE * np.eye(d.shape[-1])) / both)
 
 
 def scales(mean: FloatArray, variance: FloatArray, found: Sequence[Direction]) -> dict[str, float]:
