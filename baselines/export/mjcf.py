@@ -98,9 +98,8 @@ def export_mujoco(drive: Drive, name: str, *, command: str = "flexdrive export")
         return drive[key] / units.one(unit)
 
     which = present_effects(drive)
-    bends = drive["asymmetric_spring.c"] > 0.0
-    lost = {*(["tilt"] if turns else ()), *(["asymmetric_spring"] if bends else ())}
-    held = [w for w in which if w[0] in _HELD - lost]
+    beyond = {"tilt": turns, "asymmetric_spring": drive["asymmetric_spring.c"] > 0.0}
+    held = [w for w in which if w[0] in _HELD and not beyond.get(w[0], False)]
     delayed = [("input_delay", "actuator")] if drive["input_delay.tau"] > 0.0 else []
     carts = _carts(drive, of, turns=turns)
     lag = of("amplifier_lag.tau", "s")
@@ -133,7 +132,7 @@ def export_mujoco(drive: Drive, name: str, *, command: str = "flexdrive export")
         gravity=gravity,
         carts=carts,
         track=_track(drive, of) if ("base_recoil", "guide") in held else None,
-        springs=_springs(drive, of),
+        springs=_springs(drive, of, held),
         limit=of("saturation.limit", "V") if math.isfinite(drive.voltage_limit) else 0.0,
         offset=of("input_offset.u0", "V"),
         lag=lag,
@@ -178,10 +177,10 @@ def _track(drive: Drive, of: Any) -> dict[str, float]:
     return {"mass": mass, "stiffness": stiffness, "damping": 2.0 * drive["base_recoil.zeta"] * w * mass}
 
 
-def _springs(drive: Drive, of: Any) -> list[dict[str, Any]]:
+def _springs(drive: Drive, of: Any, held: Sequence[tuple[str, str]]) -> list[dict[str, Any]]:
     if drive.carts == 1:
         return []
-    square = of("asymmetric_spring.k2", "V/mm²") if drive["asymmetric_spring.c"] == 0.0 else 0.0
+    square = of("asymmetric_spring.k2", "V/mm²") if ("asymmetric_spring", "spring") in held else 0.0
     stiffness = [of("k", "V/mm"), square, of("hardening_spring.k3", "V/mm³")]
     play = of("coupling_backlash.g", "mm")
     springs = [{"name": "spring", "stiffness": stiffness, "damping": of("C", "V s/mm"), "play": play}]

@@ -32,9 +32,9 @@ from identification.mismatch.fitting.fit import Fit, fit
 from identification.mismatch.fitting.thread_pool import ThreadPool
 from identification.mismatch.force.maps import draw_maps, harmonics, located
 from identification.mismatch.force.missing_force import missing_force
-from identification.mismatch.selection.levels import output_error, share_of_error
 from identification.mismatch.selection.null import simulated
 from identification.mismatch.selection.optima import without
+from identification.mismatch.selection.output_error import output_error, share_of_error
 from identification.mismatch.selection.ranking import Round, Scored, dispensable
 from identification.mismatch.selection.selector import Selection, Selector
 from identification.mismatch.settings import Settings

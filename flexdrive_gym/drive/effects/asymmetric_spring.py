@@ -26,7 +26,7 @@ EFFECT = Effect(
     parameters=(
         Parameter("k2", "V/mm²", 0.0, -1e-1, 1e-1, "quadratic stiffness", (5e-4, -5e-4)),
         Parameter(
-            "c", "1/mm", 0.0, 0.0, 10.0, "of a deflection from which the stiffness stays", (0.0, 0.3), role="shape"
+            "c", "1/mm", 0.0, 0.0, 10.0, "over one: deflection beyond which stiffness stays", (0.0, 0.3), role="shape"
         ),
     ),
     hooks={"spring": _spring},

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from itertools import chain, product
+from itertools import product
 from math import isfinite
 
 from flexdrive_gym.drive.effects import EFFECTS, LAYOUT, Effect, Parameter
+from flexdrive_gym.drive.parameters import parameter
 from identification.topology import Topology
 
 # part of every topology, or of the measurement rather than of the rig
@@ -140,10 +141,10 @@ def _of(effect: Effect, where: str, topology: Topology, reach: float | None) -> 
     )
     masses = {effect.key(where, name): base for name, base in _PARTS.get(effect.id, {}).items()}
     found = []
-    # a shape that a fit sees as a logarithm has no zero: there the effect is without it
-    grids = [[((effect.key(where, q.name), v),) if v != 0.0 or q.lower < 0.0 else () for v in q.starts] for q in shapes]
-    for parts_of_shape in product(*grids):
-        chosen = tuple(chain.from_iterable(parts_of_shape))
+    grids = [[(effect.key(where, q.name), v) for v in q.starts] for q in shapes]
+    for start in product(*grids):
+        # at zero a shape that cannot be negative is none: a fit sees its logarithm
+        chosen = tuple((key, v) for key, v in start if v != 0.0 or parameter(key).lower < 0.0)
         for group in _groups(sizes):
             levels = max(len(_levels(q)) for q in group)
             for level in range(levels):

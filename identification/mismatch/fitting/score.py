@@ -191,11 +191,22 @@ def _from_others(
     return np.take_along_axis(within, best[None], axis=0)[0], np.asarray(grid)[likeliest] / typical
 
 
+def scaled(H: FloatArray, damping: float, diagonal: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+    """Return one or many matrices, shape (..., p, p), scaled to a unit diagonal with a ridge, and the scale, shape (..., p).
+
+    Parameters
+    ----------
+    diagonal : ndarray, shape (..., p)
+        What is scaled to one; by default that of the matrices.
+    """
+    d = np.sqrt(np.maximum(np.diagonal(H, axis1=-2, axis2=-1) if diagonal is None else diagonal, 1e-300))
+    return H / (d[..., :, None] * d[..., None, :]) + damping * np.eye(d.shape[-1]), d
+
+
 def _solve(H: FloatArray, g: FloatArray, damping: float) -> FloatArray:
     """Solve one or many systems, shapes (..., p, p) and (..., p), each scaled to a unit diagonal."""
-    d = np.sqrt(np.maximum(np.diagonal(H, axis1=-2, axis2=-1), 1e-300))
-    scaled = H / (d[..., :, None] * d[..., None, :]) + max(damping, 1e-10) * np.eye(d.shape[-1])
-    return np.asarray(np.linalg.solve(scaled, (g / d)[..., None])[..., 0] / d)
+    A, d = scaled(H, max(damping, 1e-10))
+    return np.asarray(np.linalg.solve(A, (g / d)[..., None])[..., 0] / d)
 
 
 def _signed(H: FloatArray, g: FloatArray, signs: FloatArray, damping: float) -> FloatArray:

@@ -9,6 +9,7 @@ import numpy as np
 
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.fitting.bench import Bench, SingleArray
+from identification.mismatch.fitting.score import scaled
 from identification.mismatch.noise.nuisance import Direction
 
 # ridge relative to the diagonal of the information: what single precision does not resolve
@@ -65,7 +66,7 @@ class Told:
         variance = np.diagonal(covariance, axis1=1, axis2=2)
         if rest.shape[0] == 1:
             return replace(self, amplitude=own[..., -1], variance=variance, common=np.empty(0))
-        whole = np.sum(self.products, axis=0).diagonal()[k:-1]
+        whole = np.sum(self.products, axis=0).diagonal()[k:-1] + 1.0
         spread = inverse(rest[:-1, :-1] + np.eye(len(rest) - 1), whole)
         common = spread @ rest[:-1, -1]
         shared = own[..., :-1]
@@ -93,9 +94,8 @@ def inverse(information: FloatArray, whole: FloatArray | None = None) -> FloatAr
     whole : ndarray, shape (p,)
         Diagonal before something was taken off; by default that of the matrices.
     """
-    d = np.sqrt(np.maximum(np.diagonal(information, axis1=-2, axis2=-1) if whole is None else whole + 1.0, 1e-300))
-    both = d[..., :, None] * d[..., None, :]
-    return np.asarray(np.linalg.inv(information / both + _RIDGE * np.eye(d.shape[-1])) / both)
+    A, d = scaled(information, _RIDGE, whole)
+    return np.asarray(np.linalg.inv(A) / (d[..., :, None] * d[..., None, :]))
 
 
 def scales(mean: FloatArray, variance: FloatArray, found: Sequence[Direction]) -> dict[str, float]:

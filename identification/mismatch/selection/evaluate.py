@@ -13,7 +13,7 @@ from identification.mismatch.candidates.free import Shape
 from identification.mismatch.candidates.narrow_band import Line, lines
 from identification.mismatch.candidates.phases import Phase
 from identification.mismatch.fitting.bench import Bench, Columns
-from identification.mismatch.fitting.score import bounded, leave_one_out_amplitude, shared
+from identification.mismatch.fitting.score import bounded, leave_one_out_amplitude, scaled, shared
 from identification.mismatch.selection.linear import Entry, Linear
 
 Name = tuple[str, str]
@@ -109,11 +109,9 @@ def _left_out(
     use = list(columns)
     H = linear.products[:, use][:, :, use]
     own = g[:, use]
-    A = H.sum(axis=0) - H
-    d = np.sqrt(np.maximum(np.einsum("uii->ui", A), 1e-300))
-    scaled = A / (d[:, :, None] * d[:, None, :]) + damping * np.eye(len(use))
+    A, d = scaled(H.sum(axis=0) - H, damping)
     others = (own.sum(axis=0) - own) / d[..., None]
-    steps = -np.linalg.solve(scaled, others) / d[..., None]
+    steps = -np.linalg.solve(A, others) / d[..., None]
     return square + 2.0 * np.sum(steps * own, axis=1) + np.sum(steps * (H @ steps), axis=1), steps
 
 

@@ -157,7 +157,7 @@ def _at_optimum(noise: Metric, own: Fit) -> Fit:
 
 
 def _through_output_error(noise: Metric, own: Fit) -> Fit:
-    """Return the better one of an optimum and of that which the optimum of the output error leads to.
+    """Return the better one of an optimum and of that which some steps towards the optimum of the output error lead to.
 
     Unknown forces excuse what adds up over a long time, and near rest the likelihood is rough: friction of the wrong size stays,
     and a constant force comes out small. The output error excuses nothing, and long differences see over what is rough.

@@ -18,7 +18,6 @@ from identification.mismatch.noise.nuisance import Direction
 from identification.mismatch.noise.scatter import dispersed
 from identification.mismatch.selection.account import Account, sensitivities
 from identification.mismatch.selection.evaluate import Name, Table, evaluate, random_gains
-from identification.mismatch.selection.levels import held_first, share_of_error
 from identification.mismatch.selection.linear import Linear
 from identification.mismatch.selection.null import Null, first_draws, null_of
 from identification.mismatch.selection.optima import (
@@ -32,6 +31,7 @@ from identification.mismatch.selection.optima import (
     refit_base,
     without,
 )
+from identification.mismatch.selection.output_error import held_first, share_of_error
 from identification.mismatch.selection.ranking import MOST, Round, Scored, dispensable, nameless, ranked, scores
 from identification.mismatch.selection.start import Start, candidate_starts, far_starts, misread_starts
 from identification.topology import Topology

@@ -6,7 +6,7 @@ from identification.mismatch.candidates.phases import Phase
 from identification.mismatch.fitting.fit import Coordinates, fit
 from identification.mismatch.fitting.levels import Levels
 from identification.mismatch.noise.nuisance import Direction
-from identification.mismatch.selection.levels import held_first, share_of_error
+from identification.mismatch.selection.output_error import held_first, share_of_error
 from identification.mismatch.selection.ranking import Scored
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import bench_of, data_set
