@@ -32,7 +32,7 @@ from identification.mismatch.fitting.fit import Fit, fit
 from identification.mismatch.fitting.thread_pool import ThreadPool
 from identification.mismatch.force.maps import draw_maps, harmonics, located
 from identification.mismatch.force.missing_force import missing_force
-from identification.mismatch.selection.null import simulated
+from identification.mismatch.noise.simulator import Simulator
 from identification.mismatch.selection.optima import without
 from identification.mismatch.selection.output_error import output_error, share_of_error
 from identification.mismatch.selection.ranking import Round, Scored, dispensable
@@ -234,7 +234,7 @@ class _Result:
         """Return a fit as a drive with its uncertainty under the noise of a round."""
         values = checked(best.values)
         draws = range(self.bench.settings.draws // 2)
-        rows = simulated(self.bench, best.values, step.noise, step.variability, draws, [self.seed, 2])
+        rows = Simulator(self.bench, best.values, step.noise, step.variability).rows(draws, [self.seed, 2])
         limits, covariance = uncertainty(best, rows)
         return Drive(
             values,

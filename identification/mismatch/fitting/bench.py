@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,8 @@ SingleArray = NDArray[np.float32]
 # of single precision where there are hundreds of them
 Columns = FloatArray | SingleArray
 Rows = TypeVar("Rows", FloatArray, SingleArray)
+# a map over numbers of recordings or units
+Across = Callable[[Callable[[int], Any], Iterable[int]], Iterable[Any]]
 # a cart that has moved by no more than a count, or so much of its way, within this time rests [s, 1]
 _REST_S, _STILL = 0.025, 1e-4
 
@@ -85,15 +87,24 @@ class Bench:
         """Return the unit of validation of every recording, shape (R,): recordings of one experiment err alike."""
         return experiments(self.recordings)
 
-    def products(self, white: Columns, others: Columns | None = None) -> FloatArray:
+    def products(self, white: Columns, others: Columns | None = None, across: Across = map) -> FloatArray:
         """Return the products of whitened columns, shape (N, k), with others, by default with themselves, shape (U, k, m).
 
         They are of double precision, whatever the columns are of.
+
+        Parameters
+        ----------
+        across
+            Maps over units: ``map``, or that of the pool where its threads are free.
         """
         found = np.zeros((int(self.units.max()) + 1, white.shape[1], (white if others is None else others).shape[1]))
-        for rows, u in zip(self.rows, self.units, strict=True):
-            own = np.asarray(white[rows], dtype=np.float64)
-            found[u] += own.T @ (own if others is None else others[rows])
+
+        def add(u: int) -> None:
+            for r in np.flatnonzero(self.units == u):
+                own = np.asarray(white[self.rows[r]], dtype=np.float64)
+                found[u] += own.T @ (own if others is None else others[self.rows[r]])
+
+        list(across(add, range(len(found))))
         return found
 
     def sums(self, columns: FloatArray) -> FloatArray:

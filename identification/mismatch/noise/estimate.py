@@ -20,7 +20,7 @@ own and half the data set's: each has a vote, however small its motion, and none
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -29,13 +29,12 @@ import numpy as np
 from scipy.optimize import minimize
 
 from flexdrive_gym.recording import FloatArray
-from identification.mismatch.fitting.bench import Bench, Columns, Rows, SingleArray, Values
+from identification.mismatch.fitting.bench import Across, Bench, Columns, Rows, SingleArray, Values
 from identification.mismatch.noise.friction import dry_level
 from identification.mismatch.noise.nuisance import Direction
 from identification.mismatch.noise.told import Told, inverse, scales
 from identification.mismatch.noise.whiten import Filter, transitions
 
-Across = Callable[[Callable[[int], Any], Iterable[int]], Iterable[Any]]
 # intensity of white forces [s^½], standard deviation of slow ones [1], relative to dry friction, and their time [s],
 # where a search begins; it ends anywhere within a factor of fifty, for which the prior below asks no more than a few units of
 # log-likelihood
@@ -268,7 +267,7 @@ def estimate(
     columns = np.column_stack([D, common, residual.astype(np.float32)])
 
     def told(noise: Noise, scale: Mapping[str, float]) -> Told:
-        return Told.of(noise.innovations(columns, bench.pool.map), bench.rows, found, scale)
+        return Told.of(noise.innovations(columns, bench.pool.map), bench.rows, found, scale, bench.pool.map)
 
     # expectation maximisation shrinks slowly what was large around another drive: it begins from the prior
     scale = {d.group: 1.0 for d in found}
@@ -282,7 +281,7 @@ def estimate(
             now = now.with_scale(found, scale)
         # what differs from run to run is no force that nobody knows
         rest = now.left(bench, D, common, residual)
-    modes, logarithm = _modes(bench, now.white[:, : len(found)], found, scale)
+    modes, logarithm = _modes(bench, now.directions, found, scale)
     noise = replace(noise, scale=scale, modes=modes)
     e = noise.white(residual - common @ now.common.astype(np.float32), bench.pool.map)
     return replace(noise, cost=float(0.5 * (e @ e) + 0.5 * (noise.logarithm + logarithm)))
@@ -293,8 +292,9 @@ def unexplained(noise: Noise, residual: FloatArray, common: SingleArray) -> Floa
     if not common.shape[1]:
         return residual
     C, e = noise.white(common, noise.bench.pool.map), noise.white(residual)
-    information = noise.bench.products(C).sum(axis=0)
-    own = inverse(information + np.eye(len(information))) @ noise.bench.products(C, e[:, None]).sum(axis=0)[:, 0]
+    bench = noise.bench
+    information = bench.products(C, across=bench.pool.map).sum(axis=0)
+    own = inverse(information + np.eye(len(information))) @ bench.products(C, e[:, None]).sum(axis=0)[:, 0]
     return np.asarray(residual - common @ own.astype(np.float32))
 
 

@@ -65,8 +65,10 @@ def dispersed(noise: Noise, columns: SingleArray, draws: SingleArray) -> tuple[N
     draws : ndarray, shape (N, draws)
         Whitened rows of simulated data sets.
     """
-    spread: list[SingleArray] = []
-    for rows in noise.bench.rows:
+    white = draws.copy()
+
+    def wide(r: int) -> SingleArray:
+        rows = noise.bench.rows[r]
         J = columns[rows].astype(np.float64)
         J = J / np.maximum(np.linalg.norm(J, axis=0), 1e-300)
         square, V = np.linalg.eigh(J.T @ J)
@@ -74,10 +76,9 @@ def dispersed(noise: Noise, columns: SingleArray, draws: SingleArray) -> tuple[N
         Q = J @ V[:, told] / np.sqrt(square[told])
         scores = Q.T @ draws[rows]
         variance, turn = np.linalg.eigh(scores @ scores.T / draws.shape[1])
-        wide = variance > (1.0 + np.sqrt(len(variance) / draws.shape[1])) ** 2
-        U = Q @ turn[:, wide] * np.sqrt(1.0 - 1.0 / np.sqrt(variance[wide]))
-        spread.append(np.asarray(U, dtype=np.float32))
-    white = draws.copy()
-    for rows, U in zip(noise.bench.rows, spread, strict=True):
+        more = variance > (1.0 + np.sqrt(len(variance) / draws.shape[1])) ** 2
+        U = np.asarray(Q @ turn[:, more] * np.sqrt(1.0 - 1.0 / np.sqrt(variance[more])), dtype=np.float32)
         white[rows] -= U @ (U.T @ draws[rows].astype(np.float32, copy=False))
-    return replace(noise, spread=spread), white
+        return U
+
+    return replace(noise, spread=list(noise.bench.pool.map(wide, range(len(noise.bench.rows))))), white

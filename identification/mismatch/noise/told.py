@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexdrive_gym.recording import FloatArray
-from identification.mismatch.fitting.bench import Bench, SingleArray
+from identification.mismatch.fitting.bench import Across, Bench, SingleArray
 from identification.mismatch.fitting.score import scaled
 from identification.mismatch.noise.nuisance import Direction
 
@@ -22,17 +22,17 @@ class Told:
 
     Attributes
     ----------
-    white : ndarray of float32, shape (N, k + m + 1)
-        Directions, common changes, and the residual.
+    directions : ndarray of float32, shape (N, k)
+        Whitened by the filter.
     products : ndarray, shape (R, k + m + 1, k + m + 1)
-        Of every recording.
+        Of directions, common changes and the residual in every recording.
     amplitude, variance : ndarray, shape (R, k)
         Most probable amplitudes relative to the prior, and their variances.
     common : ndarray, shape (m,)
         By how much what all recordings share is to be taken off the residual.
     """
 
-    white: SingleArray
+    directions: SingleArray
     products: FloatArray
     amplitude: FloatArray
     variance: FloatArray
@@ -40,7 +40,12 @@ class Told:
 
     @classmethod
     def of(
-        cls, white: SingleArray, rows: Sequence[slice], found: Sequence[Direction], scale: Mapping[str, float]
+        cls,
+        white: SingleArray,
+        rows: Sequence[slice],
+        found: Sequence[Direction],
+        scale: Mapping[str, float],
+        across: Across = map,
     ) -> Told:
         """Tell amplitudes of standard deviations that are ``scale`` times the prior ones.
 
@@ -51,9 +56,15 @@ class Told:
         rows
             Of every recording.
         """
-        products = np.array([part.T @ part for part in (white[own].astype(np.float64) for own in rows)])
+
+        def product(r: int) -> FloatArray:
+            own = white[rows[r]].astype(np.float64)
+            return np.asarray(own.T @ own)
+
+        products = np.array(list(across(product, range(len(rows)))))
         none = np.empty(0)
-        return cls(white, products, none, none, none).with_scale(found, scale)
+        # hundreds of common changes are needed no more
+        return cls(white[:, : len(found)].copy(), products, none, none, none).with_scale(found, scale)
 
     def with_scale(self, found: Sequence[Direction], scale: Mapping[str, float]) -> Told:
         """Return the amplitudes for other standard deviations, by Henderson's equations (C. R. Henderson, 1975)."""

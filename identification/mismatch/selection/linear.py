@@ -75,7 +75,8 @@ class Linear:
         """Whiten columns and residual."""
         bench, inner = model.bench, model.jacobian[:, model.interior]
         white = noise.white(np.hstack([inner.astype(np.float32), changes], dtype=np.float32), bench.pool.map)
-        return cls(model, noise, tuple(entries), changes, white, bench.products(white), noise.white(model.residual))
+        products = bench.products(white, across=bench.pool.map)
+        return cls(model, noise, tuple(entries), changes, white, products, noise.white(model.residual))
 
     @property
     def bench(self) -> Bench:
@@ -146,7 +147,7 @@ class Linear:
         # the candidates' columns stay what they are
         inner = noise.white(model.jacobian[:, model.interior].astype(np.float32))
         white = np.column_stack([inner, self.white[:, before:]])
-        own = self.bench.products(inner, white)
+        own = self.bench.products(inner, white, self.bench.pool.map)
         products = np.empty((len(own), white.shape[1], white.shape[1]))
         products[:, p:, p:] = self.products[:, before:, before:]
         products[:, :p], products[:, :, :p] = own, own.transpose(0, 2, 1)

@@ -14,16 +14,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-from scipy.signal import lfilter
 
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.fitting.bench import Bench, SingleArray, Values
 from identification.mismatch.noise.estimate import Noise
-from identification.mismatch.noise.friction import moving
-from identification.mismatch.noise.nuisance import Direction, drawn
+from identification.mismatch.noise.nuisance import Direction
 from identification.mismatch.noise.scatter import scattered
+from identification.mismatch.noise.simulator import Simulator
 from identification.mismatch.selection.evaluate import Name, Table, evaluate
 from identification.mismatch.selection.linear import Linear
 
@@ -34,9 +34,9 @@ _LEAST = 1.5
 # index of the tail before any draw, that of half a chi-squared of one degree of freedom beyond 1.5, and the draws it counts for
 _INDEX, _COUNTS = 0.4, 8
 # draws made at a time, and the first of them, which tell the weights
-_CHUNK, _FIRST = 60, 120
-# draws simulated by one thread at a time
-_GROUP = 20
+_CHUNK, _FIRST = 120, 120
+# draws judged by one thread at a time
+_JUDGED = 60
 # so many better draws end the series; none in half of the draws ends it, too
 _ENOUGH = 15
 
@@ -55,6 +55,11 @@ class Null:
 
     tail: dict[Name, tuple[float, float]]
     largest: FloatArray
+
+    @classmethod
+    def over(cls, draws: Sequence[Table]) -> Null:
+        """Return the distribution over the draws of several tables."""
+        return cls.of({n: np.concatenate([t.total[n] for t in draws]) for n in draws[0].total})
 
     @classmethod
     def of(cls, gain: Mapping[Name, FloatArray]) -> Null:
@@ -101,7 +106,7 @@ def first_draws(
     Noise
     ndarray, shape (N, draws)
     """
-    raw = simulated(bench, values, noise, found, range(_FIRST), seed)
+    raw = Simulator(bench, values, noise, found).rows(range(_FIRST), seed)
     noise = scattered(noise, raw, left, found)
     return noise, noise.white(raw, bench.pool.map)
 
@@ -133,87 +138,20 @@ def null_of(
         Of the draws.
     """
     bench = linear.bench
-    gains: list[Table] = [evaluate(linear, first)]
-    made = first.shape[1]
+    gains: list[Table] = judged(linear, first)
+    simulator, made = Simulator(bench, values, noise, found), first.shape[1]
     while True:
-        null = Null.of({n: np.concatenate([t.total[n] for t in gains]) for n in data.total})
+        null = Null.over(gains)
         best = min(null.p_value(n, float(own[0])) for n, own in data.total.items())
         most = bench.settings.draws
         if made >= most or best * (made + 1) > _ENOUGH or (made >= most // 2 and best * (made + 1) <= 1.0):
             return null
-        more = simulated(bench, values, noise, found, range(made, made + _CHUNK), seed)
-        rows = noise.white(more, bench.pool.map)
-        gains.append(evaluate(linear, rows))
+        rows = noise.white(simulator.rows(range(made, made + _CHUNK), seed), bench.pool.map)
+        gains += judged(linear, rows)
         made += _CHUNK
 
 
-def simulated(
-    bench: Bench, values: Values, noise: Noise, found: Sequence[Direction], draws: range, seed: Sequence[int]
-) -> SingleArray:
-    """Return rows of simulated data sets against the drive itself, shape (N, draws)."""
-    here = bench.residual(values, [np.zeros((2, len(run.u))) for run in bench.runs])
-    forces = [d.force for d in found if d.force is not None]
-    pushing = [i for i, d in enumerate(found) if d.force is not None]
-    moved = [(i, d.change) for i, d in enumerate(found) if d.force is None]
-    shapes = [
-        np.array([force(r) for force in forces], dtype=np.float32).reshape(len(forces), 2 * len(run.u))
-        for r, run in enumerate(bench.runs)
-    ]
-    # what disturbs a cart is friction for the most part: at rest it holds, as the recordings show
-    moves = [
-        np.array([moving(x, run.sample_time, positions=True) != 0.0 for x in run.track], dtype=np.float32)
-        for run in bench.runs
-    ]
-
-    def group(first: int) -> FloatArray:
-        rngs = [np.random.default_rng([*seed, draw]) for draw in draws[first : first + _GROUP]]
-        amplitudes = [drawn(found, noise.scale, len(bench.runs), 1, rng)[0] for rng in rngs]
-        # one product for all draws of a group
-        pushes = [
-            np.array([a[r, pushing] for a in amplitudes], dtype=np.float32) @ shapes[r] for r in range(len(bench.runs))
-        ]
-        return np.column_stack(
-            [
-                one(rng, a, [p[i] for p in pushes]).astype(np.float32)
-                for i, (rng, a) in enumerate(zip(rngs, amplitudes, strict=True))
-            ]
-        )
-
-    def one(rng: np.random.Generator, amplitude: FloatArray, push: list[FloatArray]) -> FloatArray:
-        total = [
-            np.asarray(
-                _forces(noise, r, len(run.u), run.sample_time, rng) * moves[r] + push[r].reshape(2, -1),
-                dtype=np.float64,
-            )
-            for r, run in enumerate(bench.runs)
-        ]
-        rows = here - bench.residual(values, total) + _rounding(bench, rng)
-        for i, change in moved:
-            for r, own in enumerate(bench.rows):
-                rows[own] += change[own] * amplitude[r, i]
-        return np.asarray(rows * bench.valid)
-
-    return np.column_stack(list(bench.pool.map(group, range(0, len(draws), _GROUP))))
-
-
-def _forces(noise: Noise, r: int, n: int, h: float, rng: np.random.Generator) -> FloatArray:
-    """Return unknown forces on both carts, shape (2, n) [V]."""
-    own, keep = float(noise.own[r]), float(np.exp(-h / noise.forces.time_s))
-    white, drive = rng.standard_normal((2, 2, n), dtype=np.float32)
-    # stationary from the start
-    drive[:, 1:] *= np.float32(np.sqrt(1.0 - keep**2))
-    slow = lfilter(np.ones(1, np.float32), np.array([1.0, -keep], np.float32), drive)
-    size = [own * np.array(s, dtype=np.float32)[:, None] for s in (noise.forces.white, noise.forces.slow)]
-    return np.asarray(np.float32(1.0 / np.sqrt(h)) * size[0] * white + size[1] * slow)
-
-
-def _rounding(bench: Bench, rng: np.random.Generator) -> FloatArray:
-    """Return what encoder counts add to the rows."""
-    found = np.zeros(len(bench.valid))
-    for p in bench.pieces:
-        run = bench.runs[p.recording]
-        size = float(np.sqrt(bench.rounding[run.name][p.cart]))
-        n = p.rows.stop - p.rows.start
-        error = size * np.sqrt(3.0) * rng.uniform(-1.0, 1.0, n + 1)
-        found[p.rows] = error[1:] if run.positions else np.diff(error) / (run.block * run.sample_time)
-    return found
+def judged(linear: Linear, rows: SingleArray) -> list[Table]:
+    """Return every candidate's gain in whitened rows of draws, shape (N, draws), some draws in each table."""
+    parts = [rows[:, i : i + _JUDGED] for i in range(0, rows.shape[1], _JUDGED)]
+    return list(linear.bench.pool.map(partial(evaluate, linear), parts))

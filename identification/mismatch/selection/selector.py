@@ -19,7 +19,7 @@ from identification.mismatch.noise.scatter import dispersed
 from identification.mismatch.selection.account import Account, sensitivities
 from identification.mismatch.selection.evaluate import Name, Table, evaluate, random_gains
 from identification.mismatch.selection.linear import Linear
-from identification.mismatch.selection.null import Null, first_draws, null_of
+from identification.mismatch.selection.null import Null, first_draws, judged, null_of
 from identification.mismatch.selection.optima import (
     contained,
     far,
@@ -317,7 +317,7 @@ class Selector:
         self, base: Fit, linear: Linear, table: Table, first: SingleArray, candidates: Sequence[Candidate]
     ) -> list[tuple[Candidate, dict[str, float]]]:
         """Return what to fit: in turn names whose linear change is the least like chance, and those whose change gains most."""
-        prior = Null.of(evaluate(linear, first).total)
+        prior = Null.over(judged(linear, first))
         asked = {c.name for c in candidates}
         gain = {n: float(total[0]) for n, total in table.total.items() if n in asked}
         rarest = sorted(gain, key=lambda n: -prior.score(n, gain[n]))

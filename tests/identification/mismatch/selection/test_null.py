@@ -5,7 +5,7 @@ import pytest
 
 from identification.mismatch.noise.estimate import Forces, Noise
 from identification.mismatch.noise.scatter import scattered
-from identification.mismatch.selection.null import Null, simulated
+from identification.mismatch.selection.null import Null
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import bench_of, data_set
 
@@ -63,17 +63,6 @@ def test_p_values_of_data_in_which_nothing_is_left_out_are_uniform():
         p.append(min(null.p_value(k, float(g[0])) for k, g in data.items()))
     assert np.quantile(p, [0.1, 0.5, 0.9]) == pytest.approx([0.1, 0.5, 0.9], abs=0.06)
     assert np.mean(np.array(p) <= 0.02) <= 0.04
-
-
-def test_draws_under_unknown_forces_are_white_once_whitened():
-    rig = {**RIG, "d1": 0.0, "d2": 0.0}
-    with bench_of(data_set(force=0.0, rig=rig)[2:4]) as bench:
-        noise = Noise(bench, rig, Forces((5e-3, 2e-3), (0.02, 0.01), 0.2), np.ones(2))
-        white = noise.white(simulated(bench, rig, noise, (), range(8), [1]))
-        moving = white[bench.moves]
-        assert np.sqrt(np.mean(moving**2)) == pytest.approx(1.0, abs=0.12)
-        again = noise.white(simulated(bench, rig, noise, (), range(8), [1]))
-        assert np.array_equal(white, again)
 
 
 def test_a_blow_counts_no_more_than_the_edge_of_a_normal_distribution():
