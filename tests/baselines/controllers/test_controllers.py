@@ -31,6 +31,7 @@ def needs(name):
         pytest.importorskip("slycot", reason="needs the extra control")
 
 
+@pytest.mark.slow
 @each("name", FAMILIES)
 def test_every_family_is_stable_keeps_its_limit_and_pickles(name):
     needs(name)
@@ -44,6 +45,7 @@ def test_every_family_is_stable_keeps_its_limit_and_pickles(name):
     assert all(np.isfinite(value) for value, _unit in made.values.values())
 
 
+@pytest.mark.slow
 @each("name", TUNED)
 def test_tuned_families_keep_the_demands(name):
     needs(name)

@@ -114,6 +114,7 @@ def test_integral_action_holds_any_steady_disturbance():
     assert margins(RIG_DRIVE, design("lead", RIG_DRIVE).controller).static_stiffness < 1.0
 
 
+@pytest.mark.slow
 @each("name", FAMILIES)
 def test_margins_by_trial_agree_with_python_control(name):
     if name == "h_infinity":

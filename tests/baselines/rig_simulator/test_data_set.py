@@ -116,6 +116,7 @@ def without():
     return {log.experiment.name: log.shown for log in simulate_data_set(QUIET, FEW)}
 
 
+@pytest.mark.slow
 @each(
     "maker",
     [m for m in (*CATALOGUE, *OUTSIDE) if m.id != "rectified_sensor"],

@@ -52,6 +52,7 @@ def test_findings_lead_from_the_base_model_to_the_reported_drive(effect):
     assert all(key in found.drive.values for f in found.findings for key in f.keys)
 
 
+@pytest.mark.slow
 def test_what_was_left_out_again_is_in_no_finding(monkeypatch):
     """A ground spring was found beside play that was left out later: the spring alone leads to the reported drive."""
     chosen = Selector.run
@@ -106,6 +107,7 @@ def test_a_look_alike_is_fitted_before_the_leader_is_named(monkeypatch):
     assert play["coupling_backlash.g"] == pytest.approx(1.8, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_name_that_no_simulation_needs_gives_way_to_the_next(monkeypatch):
     """Its share of the output error is asked within the round: what is skipped costs no round."""
     asked = []
