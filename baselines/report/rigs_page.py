@@ -44,10 +44,12 @@ def sentences(found: Row) -> list[str]:
         ),
         (
             f"{found['claims']} other claims: the documentation contradicts {found['contradicted']} (aim: at most "
-            f"{found['aims']['contradicted_at_most']}), the others lie beyond it. With a look-alike's base model "
-            f"{found['control_claims']} {'name is' if found['control_claims'] == 1 else 'names are'} undocumented."
+            f"{found['aims']['contradicted_at_most']}), the others lie beyond it."
         ),
     ]
+    if any(row.get("control") for row in found["rigs"]):
+        names = "name is" if found["control_claims"] == 1 else "names are"
+        lines.append(f"With a look-alike's base model {found['control_claims']} {names} undocumented.")
     if found["absent"]:
         lines.append(f"Absent: {', '.join(found['absent'])}.")
     if found["failed"]:

@@ -30,7 +30,10 @@ EFFECT = Effect(
     memory=1,
     tells_itself_by="reading frozen at small motion and at reversals while the other cart moves",
     looks_like=("breakaway", "presliding"),
-    separating_experiment="small slow sines: with play the command moves the other cart, with friction it does not",
+    separating_experiment=(
+        "small slow sines: behind play the reading stands while the other cart moves; friction holds both, "
+        "and a base does not recoil when all is slow"
+    ),
     reference="M. Nordin, P.-O. Gutman, Automatica 38(10), 2002 (play operator)",
     order=1,
 )

@@ -67,7 +67,8 @@ def dispersed(noise: Noise, columns: SingleArray, draws: SingleArray) -> tuple[N
     """
     white = draws.copy()
 
-    def wide(r: int) -> SingleArray:
+    def narrowed(r: int) -> SingleArray:
+        """Take off what a recording's draws scatter too widely, and return its directions."""
         rows = noise.bench.rows[r]
         J = columns[rows].astype(np.float64)
         J = J / np.maximum(np.linalg.norm(J, axis=0), 1e-300)
@@ -76,9 +77,9 @@ def dispersed(noise: Noise, columns: SingleArray, draws: SingleArray) -> tuple[N
         Q = J @ V[:, told] / np.sqrt(square[told])
         scores = Q.T @ draws[rows]
         variance, turn = np.linalg.eigh(scores @ scores.T / draws.shape[1])
-        more = variance > (1.0 + np.sqrt(len(variance) / draws.shape[1])) ** 2
-        U = np.asarray(Q @ turn[:, more] * np.sqrt(1.0 - 1.0 / np.sqrt(variance[more])), dtype=np.float32)
+        wide = variance > (1.0 + np.sqrt(len(variance) / draws.shape[1])) ** 2
+        U = np.asarray(Q @ turn[:, wide] * np.sqrt(1.0 - 1.0 / np.sqrt(variance[wide])), dtype=np.float32)
         white[rows] -= U @ (U.T @ draws[rows].astype(np.float32, copy=False))
         return U
 
-    return replace(noise, spread=list(noise.bench.pool.map(wide, range(len(noise.bench.rows))))), white
+    return replace(noise, spread=list(noise.bench.pool.map(narrowed, range(len(noise.bench.rows))))), white

@@ -33,10 +33,8 @@ _OFTEN = 0.9
 _LEAST = 1.5
 # index of the tail before any draw, that of half a chi-squared of one degree of freedom beyond 1.5, and the draws it counts for
 _INDEX, _COUNTS = 0.4, 8
-# draws made at a time, and the first of them, which tell the weights
-_CHUNK, _FIRST = 120, 120
-# draws judged by one thread at a time
-_JUDGED = 60
+# draws made at a time, the first of which tell the weights, and those judged by one thread at a time
+_CHUNK, _JUDGED = 120, 60
 # so many better draws end the series; none in half of the draws ends it, too
 _ENOUGH = 15
 
@@ -106,7 +104,7 @@ def first_draws(
     Noise
     ndarray, shape (N, draws)
     """
-    raw = Simulator(bench, values, noise, found).rows(range(_FIRST), seed)
+    raw = Simulator(bench, values, noise, found).rows(range(_CHUNK), seed)
     noise = scattered(noise, raw, left, found)
     return noise, noise.white(raw, bench.pool.map)
 

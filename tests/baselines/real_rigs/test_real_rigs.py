@@ -130,6 +130,10 @@ def test_the_page_says_the_result_first(examined, tmp_path):
     page = build_rigs_page(found, command="flexdrive rigs")
     assert page.index("1 of 2 documented effects") < page.index("<table")
     assert "no folder" in page
+    # none was asked, which is not the same as none found
+    assert "look-alike's base model" not in page
+    found["rigs"][0]["control"] = {"base_model_of": "lugre_servo", "named": [], "claims": []}
+    assert "With a look-alike's base model 0 names are undocumented." in sentences(found)
 
 
 @each("name", ["ecp210_2025", "lugre_servo", "quanser_2dsfl", "hsm150"])

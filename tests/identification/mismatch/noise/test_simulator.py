@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from flexdrive_gym import Recording
 from identification.mismatch.noise.estimate import Forces, Noise
 from identification.mismatch.noise.nuisance import directions
 from identification.mismatch.noise.simulator import Simulator
@@ -28,3 +29,17 @@ def test_a_draw_does_not_depend_on_those_that_are_made_with_it():
         simulator = Simulator(bench, RIG, noise, directions(bench, RIG))
         many, one = simulator.rows(range(30), [1]), simulator.rows(range(25, 26), [1])
         assert many[:, 25] == pytest.approx(one[:, 0], abs=1e-3 * float(np.std(one)))
+
+
+def test_forces_shake_a_drive_alike_however_fast_it_was_sampled():
+    """White forces have an intensity, and slow ones a standard deviation: both are the rig's, and not the log's."""
+    rig = {**RIG, "d1": 0.0, "d2": 0.0}
+    fine = data_set(force=0.0, rig=rig)[2:4]
+    # every fifth sample: 5 ms, as long as a row
+    coarse = [Recording(r.name, r.t[::5], r.u[::5], v1=r.v1[::5], v2=r.v2[::5]) for r in fine]
+    found = []
+    for runs in (fine, coarse):
+        with bench_of(runs) as bench:
+            noise = Noise(bench, rig, Forces((5e-3, 2e-3), (0.02, 0.01), 0.2), np.ones(2))
+            found.append(np.std(Simulator(bench, rig, noise, ()).rows(range(60), [1])))
+    assert found[1] == pytest.approx(found[0], rel=0.05)
