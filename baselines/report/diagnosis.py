@@ -148,7 +148,7 @@ def _findings(d: Diagnosis) -> Section:
         (
             f"{words.at(f.id, f.where)}\n{words.equation(f.id)}",
             "\n".join(f"{n} = {e}" for n, e in f.parameters.items()),
-            f"{f.share_of_error_explained:.0%}",
+            percent(f.share_of_error_explained),
             f"{f.p_value:.2g}",
             f"{_number(f.report_rms_before)} → {_number(f.report_rms_after)}",
             *(

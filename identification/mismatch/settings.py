@@ -59,6 +59,9 @@ class Settings:
         Share of the squared output error that a finding takes off at least [1]. Neighbouring rows of 5 ms correlate by 0.97, so
         that 600 of the 40,000 of a data set are independent: of a hundred parameters that are fitted to nothing one takes off
         more.
+    relevant_deflection
+        The same of the deflection [1], whose error lasts until a cart moves on: a data set has a hundred independent ones, of
+        which the best of a hundred parameters that are fitted to nothing takes off 2 ln(100) / 100.
     small_motion
         Rms velocity over the noise that encoder counts make in a block, under which positions are compared instead [1]: there
         a difference of counts is mostly rounding, and the counts themselves are not.
@@ -89,6 +92,7 @@ class Settings:
     few: int = 12
     rounds: int = 5
     relevant: float = 0.01
+    relevant_deflection: float = 0.1
     small_motion: float = 1.0
     damping: float = 1e-6
     iterations: int = 200

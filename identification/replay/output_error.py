@@ -59,6 +59,8 @@ class Run:
     fine
         The command between the samples, ndarray, shape (pieces per sample · n,), where it was continuous; ``None`` where it was
         held. Holding such a command would delay it by half a sample and weaken what is fast.
+    block_s
+        Length of a block of a fit [s]: 5 ms keep every mode of such a drive and average encoder counts.
     """
 
     name: str
@@ -73,11 +75,12 @@ class Run:
     counts: tuple[float, ...] = ()
     positions: bool = False
     fine: FloatArray | None = None
+    block_s: float = BLOCK_S
 
     @property
     def block(self) -> int:
-        """Samples per block of a fit: 5 ms, which keeps every mode of such a drive and averages encoder counts."""
-        return max(1, round(BLOCK_S / self.sample_time))
+        """Samples per block of a fit."""
+        return max(1, round(self.block_s / self.sample_time))
 
     def blocks(self, cart: int, values: FloatArray) -> FloatArray:
         """Return block sums over valid samples divided by the root of their number, shape (n blocks,).

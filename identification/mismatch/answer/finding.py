@@ -106,7 +106,7 @@ class Finding:
         """One plain sentence: what, where, how big, how sure, what it explains."""
         sizes = ", ".join(f"{n} = {e}" for n, e in self.parameters.items())
         text = (
-            f"{Named(self.id, self.where)}: {sizes}; explains {self.share_of_error_explained:.0%} of the squared error left "
+            f"{Named(self.id, self.where)}: {sizes}; explains {percent(self.share_of_error_explained)} of the squared error left "
             f"without it, p = {self.p_value:.2g}"
         )
         if self.ties:

@@ -26,6 +26,8 @@ Columns = FloatArray | SingleArray
 Rows = TypeVar("Rows", FloatArray, SingleArray)
 # a map over numbers of recordings or units
 Across = Callable[[Callable[[int], Any], Iterable[int]], Iterable[Any]]
+# rows of a data set beyond which each is twice as long
+_MANY = 60_000
 # a cart that has moved by no more than a count, or so much of its way, within this time rests [s, 1]
 _REST_S, _STILL = 0.025, 1e-4
 
@@ -50,8 +52,9 @@ class Piece:
 class Bench:
     """Recordings of one drive, and the residuals of any drive against them.
 
-    Rows are block means of measured minus simulated motion, 5 ms long: velocities [mm/s], or positions [mm] in recordings whose
-    motion is so small that a velocity would be rounding. Recordings compared by velocity come first.
+    Rows are block means of measured minus simulated motion, 5 ms long, or 10 ms where there would be very many: velocities
+    [mm/s], or positions [mm] in recordings whose motion is so small that a velocity would be rounding. Recordings compared by
+    velocity come first.
 
     Parameters
     ----------
@@ -64,7 +67,7 @@ class Bench:
     """
 
     def __init__(self, recordings: Sequence[Recording], pool: ThreadPool, settings: Settings) -> None:
-        prepared = [comparable(r, settings) for r in recordings]
+        prepared = in_rows([comparable(r, settings) for r in recordings])
         order = sorted(range(len(prepared)), key=lambda i: prepared[i].positions)
         self.recordings = [recordings[i] for i in order]
         self.runs = [prepared[i] for i in order]
@@ -271,6 +274,12 @@ def comparable(recording: Recording, settings: Settings) -> Run:
         if float(np.mean(blocks**2)) > ((1.0 + settings.small_motion) * noise) ** 2 or float(np.ptp(x)) > 40.0 * q:
             return run
     return replace(run, measured=places, floor=[q**2 / 12.0 for q in run.counts], positions=True)
+
+
+def in_rows(runs: Sequence[Run]) -> list[Run]:
+    """Return runs in rows of 5 ms, or of 10 ms where there are so many that their number tells enough."""
+    many = sum(len(run.keep) * len(run.u) // run.block for run in runs) > _MANY
+    return [replace(run, block_s=2.0 * run.block_s) if many else run for run in runs]
 
 
 def _layout(runs: Sequence[Run]) -> tuple[list[Piece], BoolArray]:

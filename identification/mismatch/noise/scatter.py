@@ -17,8 +17,8 @@ from identification.mismatch.fitting.bench import SingleArray
 from identification.mismatch.noise.estimate import Noise, damped
 from identification.mismatch.noise.nuisance import Direction
 
-# rows over which a scatter is smoothed: 15 ms, the time of a slip
-_NEIGHBOURS = 3
+# time over which a scatter is smoothed: that of a slip [s]
+_SLIP_S = 0.015
 # innovation that one row of a normal data set of 40,000 reaches
 _EDGE = 4.2
 # eigenvalues of sensitivities' correlations under which a direction is one of others
@@ -44,8 +44,10 @@ def scattered(noise: Noise, rows: SingleArray, left: FloatArray, found: Sequence
     square = np.mean(noise.innovations(rows, bench.pool.map) ** 2, axis=1)
     blows = (noise.white(left) / _EDGE) ** 2
     for p in bench.pieces:
-        square[p.rows] = maximum_filter1d(uniform_filter1d(square[p.rows], _NEIGHBOURS), _NEIGHBOURS)
-        square[p.rows] = np.maximum(square[p.rows], maximum_filter1d(blows[p.rows], _NEIGHBOURS))
+        run = bench.runs[p.recording]
+        near = 2 * int(0.5 * _SLIP_S / (run.block * run.sample_time)) + 1
+        square[p.rows] = maximum_filter1d(uniform_filter1d(square[p.rows], near), near)
+        square[p.rows] = np.maximum(square[p.rows], maximum_filter1d(blows[p.rows], near))
     return damped(replace(noise, weights=1.0 / np.sqrt(np.maximum(square, 1.0))), found)
 
 

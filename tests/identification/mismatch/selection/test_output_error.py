@@ -2,12 +2,14 @@
 
 import numpy as np
 
+from identification.mismatch.candidates.catalogue import catalogue
 from identification.mismatch.candidates.phases import Phase
 from identification.mismatch.fitting.fit import Coordinates, fit
 from identification.mismatch.fitting.levels import Levels
 from identification.mismatch.noise.nuisance import Direction
 from identification.mismatch.selection.output_error import held_first, share_of_error
 from identification.mismatch.selection.ranking import Scored
+from identification.topology import TWO_CARTS
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import bench_of, data_set
 
@@ -48,6 +50,19 @@ def test_a_ripple_with_a_phase_of_its_own_takes_off_what_its_amplitude_makes():
         )
     # a sine and a cosine of standard deviation 2 have the square 4 in every row
     assert np.isclose(share, 4.0 * np.sum(levels.weights**2) / best.cost)
+
+
+def test_a_reading_of_the_wrong_scale_is_seen_in_the_deflection():
+    """Of the velocities, which unknown forces move more, it takes off next to nothing."""
+    rig = {**RIG, "encoder_scale.s": 0.005}
+    with bench_of(data_set({"encoder_scale.s": 0.005}, force=0.2)) as bench:
+        levels = Levels.of(bench, bench.residual(rig))
+        scale = next(c for c in catalogue(TWO_CARTS) if c.name == ("encoder_scale", "encoder_2"))
+        best = fit(bench, levels, rig, ["b1", *scale.keys])
+        share = share_of_error(Scored(scale, best, np.ones(2), 1), best)
+        less = fit(bench, levels, {**best.values, scale.keys[0]: 0.0}, ["b1"])
+    assert 1.0 - best.cost / less.cost < 0.05
+    assert share > 0.5
 
 
 def test_a_parameter_at_its_bound_is_within_it():
