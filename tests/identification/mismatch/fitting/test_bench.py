@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from flexdrive_gym import Drive, Recording
+from identification.mismatch.fitting import bench as rows
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import KINDS, T, bench_of, data_set
 
@@ -36,3 +37,17 @@ def test_the_true_drive_leaves_nothing():
     with bench_of([replace(r, x1=None, x2=None) for r in runs]) as bench:
         # a thousandth of what encoder counts leave: events are located to the order of the step, in lanes as singly
         assert np.sqrt(np.mean(bench.residual(RIG) ** 2)) < 1e-3
+
+
+def test_a_long_day_has_rows_of_twice_the_length(monkeypatch):
+    """Two neighbours in one: a mean of velocities is the change of position over both."""
+    runs = data_set(kinds=KINDS[2:4])
+    with bench_of(runs) as bench:
+        short = [bench.residual(RIG)[p.rows] for p in bench.pieces]
+    monkeypatch.setattr(rows, "_MANY", 1000)
+    with bench_of(runs) as bench:
+        long = [bench.residual(RIG)[p.rows] for p in bench.pieces]
+    for one, other in zip(short, long, strict=True):
+        # the last row is that of a single sample
+        pairs = one[:-1].reshape(-1, 2)
+        np.testing.assert_allclose(other[:-1], pairs.mean(axis=1), atol=1e-9)
