@@ -66,13 +66,13 @@ def share_of_error(scored: Scored, best: Fit) -> float:
         return float(np.sum(made**2)) / max(best.cost, 1e-300)
     names = [n for n in best.names if n not in candidate.keys]
     less = fit(best.bench, best.metric, without(candidate, best.values, names), names)
-    of_deflection = 1.0 - _deflection(best) / max(_deflection(less), 1e-300)
-    own = 1.0 - best.cost / max(less.cost, 1e-300)
+    own, without_it = 1.0 - best.cost / max(less.cost, 1e-300), _deflection(less)
+    of_deflection = 1.0 - _deflection(best) / without_it if without_it > 0.0 else 0.0
     return max(own, of_deflection) if of_deflection >= best.bench.settings.relevant_deflection else own
 
 
 def _deflection(model: Fit) -> float:
-    """Return the squared error of the deflection, summed over recordings that are compared by velocity without a gap [mm²]."""
+    """Return the squared error of the deflection over recordings of two velocities without a gap [mm²]; 0 where there is none."""
     bench, total = model.bench, 0.0
     for run, rows in zip(bench.runs, bench.rows, strict=True):
         if not run.positions and len(run.keep) == 2 and bench.valid[rows].all():

@@ -65,6 +65,16 @@ def test_a_reading_of_the_wrong_scale_is_seen_in_the_deflection():
     assert share > 0.5
 
 
+def test_where_no_deflection_is_seen_rows_alone_tell_what_is_relevant():
+    """A single recording with a gap: nothing adds up over it."""
+    with bench_of(data_set(kinds=[("sine", 2.5, 2.0)])) as bench:
+        bench.valid[700:720] = False
+        levels = Levels.of(bench, bench.residual(RIG))
+        lag = next(c for c in catalogue(TWO_CARTS) if c.name == ("amplifier_lag", "actuator"))
+        best = fit(bench, levels, {**RIG, **lag.start}, ["b1", *lag.keys])
+        assert share_of_error(Scored(lag, best, np.ones(1), 1), best) < 0.1
+
+
 def test_a_parameter_at_its_bound_is_within_it():
     c = Coordinates(["saturating_friction.cart_1.v0"], {"saturating_friction.cart_1.v0": 5.0})
     assert c.to(np.array([-100.0]), {})["saturating_friction.cart_1.v0"] >= 5.0
