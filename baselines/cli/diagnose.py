@@ -192,7 +192,7 @@ def print_diagnosis(found: Diagnosis) -> None:
         for line in words.tie_sentences(f):
             say(f"  {line}")
     if found.unnamed is not None:
-        nearest = ", ".join(f"{words.effect_name(n)} ({s:.0%} alike)" for n, s in found.unnamed.nearest)
+        nearest = ", ".join(f"{words.at(n.id, n.where)} ({s:.0%} alike)" for n, s in found.unnamed.nearest)
         if nearest:
             say(f"nearest to what has no name: {nearest}")
     print_faults("sensor faults, left out", found.faults)

@@ -266,7 +266,7 @@ def _remains(d: Diagnosis, forces: Remaining) -> Section:
     section = Section("What could not be decided", "remains")
     lines = [line for f in d.findings for line in words.tie_sentences(f)]
     if d.unnamed is not None:
-        nearest = ", ".join(f"{words.effect_name(n)} (gains {s:.0%} of it)" for n, s in d.unnamed.nearest)
+        nearest = ", ".join(f"{words.at(n.id, n.where)} (gains {s:.0%} of it)" for n, s in d.unnamed.nearest)
         lines.append(
             f"Unnamed: {percent(d.unnamed.share_of_error)} of the squared error left is {words.without_name(d.unnamed)}. "
             f"Nearest names: {nearest or 'none'}."

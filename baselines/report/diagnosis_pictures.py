@@ -26,14 +26,18 @@ def _improvement(f: RecordingFit) -> float:
 
 
 def shown_recording(d: Diagnosis) -> tuple[Recording, RecordingFit]:
-    """Return the report recording whose improvement is the median; one of the estimation set where there is none."""
+    """Return the report recording whose improvement is the median; one of the estimation set where there is none.
+
+    Where nothing was named, all improve alike, and velocities stand in the order of their errors.
+    """
     runs = {r.name: r for r in (*d.split.report, *d.split.loops, *d.split.estimation)}
     fits = [
         f
         for f in d.per_recording
         if f.recording in runs and math.isfinite(f.before_rms + f.after_rms) and not f.how.startswith("windows")
     ]
-    ranked = sorted([f for f in fits if f.part == "report"] or fits, key=_improvement)
+    shown = [f for f in fits if f.part == "report"] or fits
+    ranked = sorted(shown, key=lambda f: (_improvement(f), f.velocities, f.after_rms))
     middle = ranked[(len(ranked) - 1) // 2]
     return runs[middle.recording], middle
 

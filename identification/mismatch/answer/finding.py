@@ -185,12 +185,12 @@ class Unnamed:
     where: str
     share_of_error: float
     acts_on: str
-    nearest: tuple[tuple[str, float], ...] = ()
+    nearest: tuple[tuple[Named, float], ...] = ()
     curve: Curve | None = field(default=None, compare=False, repr=False)
 
     def as_json(self) -> dict[str, Any]:
         """Return the entry of ``diagnosis.json``."""
-        near = [{"id": i, "similarity": s} for i, s in self.nearest]
+        near = [{"id": n.id, "similarity": s} for n, s in self.nearest]
         return {"where": self.where, "share_of_error": self.share_of_error, "acts_on": self.acts_on, "nearest": near}
 
 

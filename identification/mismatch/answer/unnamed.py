@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identification.mismatch.answer.finding import Curve, Unnamed, phrase
+from identification.mismatch.answer.finding import Curve, Named, Unnamed, phrase
 from identification.mismatch.candidates.free import FOLLOWS, Shape
 from identification.mismatch.candidates.narrow_band import Line
 from identification.mismatch.fitting.bench import Bench
@@ -57,9 +57,9 @@ def _like(step: Round) -> Unnamed:
     return Unnamed(best.name[1], share_of(best, step), text, _nearest(step.scored, best.total))
 
 
-def _nearest(scored: Sequence[Scored], total: float) -> tuple[tuple[str, float], ...]:
+def _nearest(scored: Sequence[Scored], total: float) -> tuple[tuple[Named, float], ...]:
     near = [s for s in scored if not isinstance(s.candidate, Shape | Line) and s.total > 0.0]
-    return tuple((s.name[0], float(min(1.0, s.total / total))) for s in near[:_NEAREST])
+    return tuple((Named(*s.name), float(min(1.0, s.total / total))) for s in near[:_NEAREST])
 
 
 def _curve(bench: Bench, last: Round, shape: Shape) -> Curve:

@@ -26,8 +26,6 @@ Columns = FloatArray | SingleArray
 Rows = TypeVar("Rows", FloatArray, SingleArray)
 # a map over numbers of recordings or units
 Across = Callable[[Callable[[int], Any], Iterable[int]], Iterable[Any]]
-# rows of a data set beyond which each is twice as long
-_MANY = 60_000
 # a cart that has moved by no more than a count, or so much of its way, within this time rests [s, 1]
 _REST_S, _STILL = 0.025, 1e-4
 
@@ -67,7 +65,7 @@ class Bench:
     """
 
     def __init__(self, recordings: Sequence[Recording], pool: ThreadPool, settings: Settings) -> None:
-        prepared = in_rows([comparable(r, settings) for r in recordings])
+        prepared = in_rows([comparable(r, settings) for r in recordings], settings)
         order = sorted(range(len(prepared)), key=lambda i: prepared[i].positions)
         self.recordings = [recordings[i] for i in order]
         self.runs = [prepared[i] for i in order]
@@ -276,10 +274,11 @@ def comparable(recording: Recording, settings: Settings) -> Run:
     return replace(run, measured=places, floor=[q**2 / 12.0 for q in run.counts], positions=True)
 
 
-def in_rows(runs: Sequence[Run]) -> list[Run]:
-    """Return runs in rows of 5 ms, or of 10 ms where there are so many that their number tells enough."""
-    many = sum(len(run.keep) * len(run.u) // run.block for run in runs) > _MANY
-    return [replace(run, block_s=2.0 * run.block_s) if many else run for run in runs]
+def in_rows(runs: Sequence[Run], settings: Settings) -> list[Run]:
+    """Return runs with rows as they are, or twice as long where there would be too many."""
+    if sum(len(run.keep) * len(run.u) // run.block for run in runs) <= settings.rows:
+        return list(runs)
+    return [replace(run, block_s=2.0 * run.block_s) for run in runs]
 
 
 def _layout(runs: Sequence[Run]) -> tuple[list[Piece], BoolArray]:

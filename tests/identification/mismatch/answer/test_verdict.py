@@ -34,7 +34,7 @@ FULL = diagnosis(
     findings=(FINDING,),
     faults=(Fault("a", "encoder_1", "encoder_dropout", 1.0, 2.0),),
     located=(Located("cart_1", 0.7, "v1 near 0", "a sentence"),),
-    unnamed=Unnamed("cart_2", 0.3, "as a function of the velocity of cart 2", (("tilt", 0.8),), CURVE),
+    unnamed=Unnamed("cart_2", 0.3, "as a function of the velocity of cart 2", ((Named("tilt", "guide"), 0.8),), CURVE),
     predictions=(
         Prediction(
             "critical_gain_x2_simulated",
@@ -125,6 +125,13 @@ def test_the_headline_picture_is_the_median_run():
     split = SimpleNamespace(report=runs, loops=[], estimation=[])
     run, fit = shown_recording(SimpleNamespace(split=split, per_recording=shown))
     assert (run.name, fit.recording) == ("c", "c")
+
+
+def test_without_a_name_the_headline_picture_is_that_of_the_median_error():
+    """And not of the recording that comes first in the alphabet."""
+    shown = tuple(RecordingFit(name, "report", rms, rms) for name, rms in {"a": 4.0, "b": 13.0, "c": 12.0}.items())
+    split = SimpleNamespace(report=[SimpleNamespace(name=name) for name in "abc"], loops=[], estimation=[])
+    assert shown_recording(SimpleNamespace(split=split, per_recording=shown))[1].recording == "c"
 
 
 def test_ties_name_the_experiment():

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from flexdrive_gym import Drive, Recording
-from identification.mismatch.fitting import bench as rows
 from tests.drive.drives import RIG
-from tests.identification.mismatch.lab import KINDS, T, bench_of, data_set
+from tests.identification.mismatch.lab import KINDS, QUICK, T, bench_of, data_set
 
 
 def test_a_ground_spring_follows_the_simulation_and_not_the_measured_track():
@@ -39,13 +38,12 @@ def test_the_true_drive_leaves_nothing():
         assert np.sqrt(np.mean(bench.residual(RIG) ** 2)) < 1e-3
 
 
-def test_a_long_day_has_rows_of_twice_the_length(monkeypatch):
+def test_a_long_day_has_rows_of_twice_the_length():
     """Two neighbours in one: a mean of velocities is the change of position over both."""
     runs = data_set(kinds=KINDS[2:4])
     with bench_of(runs) as bench:
         short = [bench.residual(RIG)[p.rows] for p in bench.pieces]
-    monkeypatch.setattr(rows, "_MANY", 1000)
-    with bench_of(runs) as bench:
+    with bench_of(runs, replace(QUICK, rows=1000)) as bench:
         long = [bench.residual(RIG)[p.rows] for p in bench.pieces]
     for one, other in zip(short, long, strict=True):
         # the last row is that of a single sample
