@@ -65,6 +65,10 @@ class Settings:
     relevant_deflection
         The same of the deflection [1], whose error lasts until a cart moves on: a data set has a hundred independent ones, of
         which the best of a hundred parameters that are fitted to nothing takes off 2 ln(100) / 100.
+    inexact
+        Share of what names have gained that a further one must gain [1]: no law is exact, and a fourteenth of the force of what
+        was named is no second effect. A gain goes with the square of a force; of seven single effects of an independent program
+        up to 0.4 % was left.
     small_motion
         Rms velocity over the noise that encoder counts make in a block, under which positions are compared instead [1]: there
         a difference of counts is mostly rounding, and the counts themselves are not.
@@ -97,6 +101,7 @@ class Settings:
     rounds: int = 5
     relevant: float = 0.01
     relevant_deflection: float = 0.1
+    inexact: float = 0.005
     small_motion: float = 1.0
     damping: float = 1e-6
     iterations: int = 200

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from flexdrive_gym.recording import BoolArray, FloatArray
 from identification.mismatch.fitting.bench import Bench, Columns
-from identification.mismatch.fitting.score import leave_one_out_variance
+from identification.mismatch.fitting.score import averaged, leave_one_out_variance
 
 # slower than this a force is friction that wanders; faster than this encoders hardly see it [Hz]
 _LOWEST, _HIGHEST = 0.7, 25.0
@@ -93,8 +93,8 @@ def _gains(
             power.append(np.abs(_spectrum(rest[p.rows], run.block * run.sample_time, frequency)) ** 2 * own[:, None])
             count.append(0.5 * max(float(bench.valid[p.rows].sum()), 1.0) * own)
     gain, _ = leave_one_out_variance(np.array(power), np.array(count), bench.units)
-    best = np.argmax(gain.sum(axis=0), axis=0)
-    return np.take_along_axis(gain, best[None, None, :], axis=1)[:, 0], int(best[0])
+    found, best = averaged(gain)
+    return found, int(best[0])
 
 
 def made(command: FloatArray, sample_time: float, frequency: FloatArray) -> BoolArray:

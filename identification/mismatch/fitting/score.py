@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import nnls
-from scipy.special import i0e
+from scipy.special import i0e, logsumexp
 
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.fitting.experiments import IntArray
@@ -98,6 +98,27 @@ def shared(gain: FloatArray) -> FloatArray:
     if gain.shape[-1] < 3:
         return np.asarray(gain.sum(axis=-1))
     return np.asarray(gain.sum(axis=-1) - np.maximum(gain.max(axis=-1), 0.0) - np.minimum(gain.min(axis=-1), 0.0))
+
+
+def averaged(gain: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Return the gains of the best of several, less what the choice among them makes by chance, and which one it is.
+
+    An average of likelihood ratios is one, the largest of them is not (V. Vovk, R. Wang, Ann. Statist. 49, 2021). Of n that
+    nothing is said of, one that stands out loses ln(n); where all gain alike there was no choice.
+
+    Parameters
+    ----------
+    gain : ndarray, shape (U, n, data sets)
+
+    Returns
+    -------
+    gain : ndarray, shape (U, data sets)
+    best : ndarray of int, shape (data sets,)
+    """
+    total = shared(np.moveaxis(gain, 0, -1))
+    best = np.argmax(total, axis=0)
+    cost = total.max(axis=0) - logsumexp(total, axis=0) + np.log(len(total))
+    return np.take_along_axis(gain, best[None, None], axis=1)[:, 0] - cost / len(gain), best
 
 
 def bounded(gain: FloatArray, expected: FloatArray) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from identification.mismatch.candidates.free import Shape
 from identification.mismatch.candidates.narrow_band import Line, lines
 from identification.mismatch.candidates.phases import Phase
 from identification.mismatch.fitting.bench import Bench, Columns
-from identification.mismatch.fitting.score import bounded, leave_one_out_amplitude, scaled, shared
+from identification.mismatch.fitting.score import averaged, bounded, leave_one_out_amplitude, scaled, shared
 from identification.mismatch.selection.linear import Entry, Linear
 
 Name = tuple[str, str]
@@ -59,9 +59,21 @@ class Table:
 
     def take(self, entry: Best, gain: FloatArray) -> None:
         """Keep the better one of a name's entries in every data set; ``gain`` has the shape (U, data sets)."""
-        name = entry.candidate.name
         total = shared(gain.T)
-        self.entries.setdefault(name, []).append((float(total[0]), entry))
+        self.entries.setdefault(entry.candidate.name, []).append((float(total[0]), entry))
+        self._keep(entry, total)
+
+    def take_average(self, entries: Sequence[Best], gain: FloatArray) -> None:
+        """Keep the best of a name's entries with what their average gains; ``gain`` has the shape (U, entries, data sets)."""
+        own, best = averaged(gain)
+        totals = shared(gain[..., 0].T)
+        self.entries.setdefault(entries[0].candidate.name, []).extend(
+            (float(t), e) for t, e in zip(totals, entries, strict=True)
+        )
+        self._keep(replace(entries[best[0]], gain=own[:, 0]), shared(own.T))
+
+    def _keep(self, entry: Best, total: FloatArray) -> None:
+        name = entry.candidate.name
         if name not in self.total:
             self.total[name], self.best[name] = total, entry
             return
@@ -95,8 +107,12 @@ def evaluate(linear: Linear, residual: Columns) -> Table:
             table.take(Best(entry.candidate, entry.columns, gain[:, 0]), gain)
     rest = _others(linear, residual, steps)
     random = [e for e in linear.entries if e.random]
+    names: dict[Name, list[tuple[Best, FloatArray]]] = {}
     for entry, (gain, variance) in zip(random, _random(linear, rest, random), strict=True):
-        table.take(Best(entry.candidate, entry.columns, gain[:, 0], variance), gain)
+        own = Best(entry.candidate, entry.columns, gain[:, 0], variance)
+        names.setdefault(entry.candidate.name, []).append((own, gain))
+    for found in names.values():
+        table.take_average([best for best, _ in found], np.stack([gain for _, gain in found], axis=1))
     for line, gain in lines(linear.bench, rest):
         table.take(Best(line, (), gain[:, 0]), gain)
     return table

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -97,6 +98,8 @@ class Round:
         Whether the first one is taken.
     variability
         Run-to-run variability.
+    least
+        Gain that a name must have.
     """
 
     base: Fit
@@ -105,6 +108,7 @@ class Round:
     noise: Noise
     accepted: bool
     variability: tuple[Direction, ...] = ()
+    least: float = 0.0
 
     @property
     def best(self) -> Scored:
@@ -179,6 +183,7 @@ def scores(
     Null draws know linear changes alone. A fit that gains more has found more, for the base model was fitted from there, too.
     """
     found = []
+    periods = Counter(e.candidate.name for e in linear.entries if e.random)
     for name in {**table.best, **fits}:
         scored: Scored | None = None
         if name in table.best:
@@ -192,7 +197,8 @@ def scores(
             scored = Scored(entry.candidate, None, entry.gain, max(len(entry.columns), 2), p, variability)
         if name in fits:
             candidate, best = fits[name]
-            gain = gain_of(base, best)
+            # of so many periods a fit is the best: what the choice among them makes by chance
+            gain = gain_of(base, best) - np.log(max(periods[name], 1)) / len(linear.products)
             if scored is None or not scored.variability or shared(gain) > scored.total:
                 p = null.p_value(name, float(shared(gain)))
                 scored = Scored(candidate, best, gain, len(candidate.keys), p)

@@ -21,6 +21,7 @@ from identification.mismatch.selection.evaluate import Name, Table, evaluate, ra
 from identification.mismatch.selection.linear import Linear
 from identification.mismatch.selection.null import Null, first_draws, judged, null_of
 from identification.mismatch.selection.optima import (
+    carried_over,
     contained,
     far,
     fit_base,
@@ -144,7 +145,7 @@ class Selector:
 
         Another that gains less than half of the most may gain from what that is, unless it brings the simulation near.
         """
-        significant = [s for s in self._significant(step.scored, step.null) if not nameless(s)]
+        significant = [s for s in self._significant(step.scored, step.least) if not nameless(s)]
         half = MOST * max((s.total for s in significant), default=0.0)
         order = significant if nameless(step.best) else [step.best, *(s for s in significant if s is not step.best)]
 
@@ -154,9 +155,15 @@ class Selector:
 
         return next((s for s in order[: _MORE + 1] if needed(s)), None)
 
-    def _significant(self, scored: Sequence[Scored], null: Null) -> list[Scored]:
-        """Return the candidates that gain more than data of this rig in which nothing is left out, and more than chance can."""
-        least = null.evidence(self.level)
+    def _least(self, null: Null, taken: Sequence[tuple[Scored, Round]]) -> float:
+        """Return the gain that a name must have: more than chance makes, and than what names before it may have left.
+
+        No law of the catalogue is exact, and what is left of what was named is no other effect.
+        """
+        return max(null.evidence(self.level), self.settings.inexact * sum(s.total for s, _ in taken))
+
+    def _significant(self, scored: Sequence[Scored], least: float) -> list[Scored]:
+        """Return the candidates that gain more than data of this rig in which nothing is left out, and so much."""
         return [s for s in scored if s.p <= self.level and s.total >= least]
 
     def _share(self, scored: Scored, base: Fit) -> float:
@@ -245,7 +252,7 @@ class Selector:
             # hundreds of columns that are not needed beside those of the next turn
             del account
         assert linear is not None
-        return self._judged(linear, first, fits, found, candidates, seed)
+        return self._judged(linear, first, fits, found, candidates, taken)
 
     def _placed(self, candidate: Candidate, named: Collection[Name]) -> bool:
         """Whether recordings tell the place that a candidate repeats with: a speed without sign adds up to none."""
@@ -261,15 +268,18 @@ class Selector:
         fits: dict[Name, tuple[Candidate, Fit]],
         found: Sequence[Direction],
         candidates: Sequence[Candidate],
-        seed: Sequence[int],
+        taken: Sequence[tuple[Scored, Round]],
     ) -> Round:
         """Hold the candidates against their null draws, and the base model against their optima."""
-        noise, base = linear.noise, linear.model
+        noise, before = linear.noise, linear.model
         leading = sorted(fits.values(), key=lambda item: item[1].cost)[: self.settings.finished]
-        base = refit_base(base, noise, leading)
+        base = refit_base(before, noise, leading)
+        fits = carried_over(before, base, noise, fits)
+        leading = [fits[c.name] for c, _ in leading if c.name in fits]
         linear = linear.around(base, noise)
         table = evaluate(linear, linear.residual[:, None])
-        null = null_of(linear, base.values, noise, found, first, table, seed)
+        null = null_of(linear, base.values, noise, found, first, table, [self.seed, len(taken)])
+        least = self._least(null, taken)
         scored = scores(base, linear, table, fits, null)
         # whatever may be named is fitted before it is, and so is what looks like the leader
         if jobs := self._beside_the_leader(linear, table, scored, leading[:1], candidates):
@@ -277,14 +287,15 @@ class Selector:
             scored = scores(base, linear, table, fits, null)
         asked = {candidate.name for candidate, _ in leading}
         while True:
-            significant = self._significant(scored, null)
+            significant = self._significant(scored, least)
             order = ranked(scored, significant)
             named = [fits[s.name] for s in (order[0], *significant[:2]) if s.name in fits and s.name not in asked]
             asked |= {candidate.name for candidate, _ in named}
             better = refit_base(base, noise, named)
             if better is base:
                 order = ranked(pruned(base, noise, scored, significant), significant)
-                return Round(base, tuple(order), null, noise, bool(significant), tuple(found))
+                return Round(base, tuple(order), null, noise, bool(significant), tuple(found), least)
+            fits = carried_over(base, better, noise, fits)
             base, linear = better, linear.around(better, noise)
             table = evaluate(linear, linear.residual[:, None])
             scored = scores(base, linear, table, fits, null)

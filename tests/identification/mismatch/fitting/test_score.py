@@ -5,6 +5,7 @@ import pytest
 
 from identification.mismatch.fitting.score import (
     Normal,
+    averaged,
     bounded,
     gains,
     leave_one_out_amplitude,
@@ -110,3 +111,24 @@ def test_a_ripple_has_one_amplitude_in_all_recordings():
     assert found[0] == pytest.approx(amplitude, rel=0.3)
     assert everywhere.sum() > 30.0
     assert shared(twice[:, 0, 0]) < 0.3 * shared(everywhere[:, 0, 0])
+
+
+def test_the_choice_among_many_costs_what_it_gains_by_chance():
+    """Of forty periods the one that stands out loses ln(40); of forty alike none was chosen."""
+    one, alike = np.zeros((12, 40, 1)), np.full((12, 40, 1), 5.0)
+    one[:, 7] = 5.0
+    found, best = averaged(one)
+    assert best[0] == 7
+    assert found.sum() == pytest.approx(60.0 - np.log(40.0), abs=0.01)
+    assert averaged(alike)[0].sum() == pytest.approx(60.0)
+
+
+def test_the_best_of_many_changes_that_are_not_there_is_no_evidence():
+    """Over data sets without any of them a likelihood ratio is one on average (V. Vovk, R. Wang, 2021)."""
+    rng = np.random.default_rng(5)
+    z = rng.normal(size=(12, 40, 4000))
+    # the ratio of a change of one standard error in every experiment that is not there
+    found, _ = averaged(0.3 * z - 0.5 * 0.3**2)
+    ratio = np.exp(found.sum(axis=0))
+    assert ratio.mean() == pytest.approx(1.0, abs=0.2)
+    assert np.mean(ratio > 20.0) < 1.0 / 20.0

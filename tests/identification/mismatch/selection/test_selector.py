@@ -55,7 +55,7 @@ def test_a_name_that_no_simulation_needs_is_not_given(monkeypatch, share, named)
     like = Scored(Candidate("load_friction", "cart_2", (("mu", 1.0),)), None, np.ones(4), 1, 0.002)
     monkeypatch.setattr(selector, "fit_base", lambda *_: "base")
     first, last = (
-        SimpleNamespace(base="base", accepted=accepted, best=like, scored=[like], null=None, variability=())
+        SimpleNamespace(base="base", accepted=accepted, best=like, scored=[like], least=9.0, variability=())
         for accepted in (True, False)
     )
     first.with_first = lambda _: first
@@ -82,3 +82,12 @@ def test_a_speed_without_sign_adds_up_to_no_place():
     assert looked_for(wave, "encoder_1")
     assert looked_for(wave, "encoder_2", x2=np.zeros(3))
     assert looked_for(drag, "encoder_2")
+
+
+def test_what_a_law_that_is_inexact_leaves_is_no_other_effect():
+    """A gain goes with the square of a force: seven per cent of the force that is named have half a per cent of its gain."""
+    asked = SimpleNamespace(level=LEVEL, settings=Settings())
+    null = SimpleNamespace(evidence=lambda level: float(np.log(90 / level)))
+    lag = Scored(Candidate("amplifier_lag", "actuator", (("tau", 1.0),)), None, np.full(12, 500.0), 1)
+    assert Selector._least(asked, null, []) == pytest.approx(9.1, abs=0.1)
+    assert Selector._least(asked, null, [(lag, None)]) == pytest.approx(0.07**2 * 5500.0, rel=0.05)
