@@ -181,16 +181,10 @@ def refit_base(base: Fit, noise: Noise, fits: Sequence[tuple[Candidate, Fit]]) -
 def carried_over(
     before: Fit, base: Fit, noise: Noise, fits: Mapping[Name, tuple[Candidate, Fit]]
 ) -> dict[Name, tuple[Candidate, Fit]]:
-    """Return fits beside a better optimum of the base model: what has stayed in the valley that it left begins anew from there.
-
-    A fit that is worse than the model it contains tells nothing of its candidate, and is left out.
-    """
-    if base is before:
-        return dict(fits)
-    behind = [(c, f) for c, f in fits.values() if f.cost >= base.cost]
+    """Return fits beside a better optimum of the base model: what stayed in the valley that it left begins anew from there."""
+    behind = [] if base is before else [(c, f) for c, f in fits.values() if f.cost >= base.cost]
     jobs = [(c, c.beside(base.values, {k: f.values[k] for k in c.keys})) for c, f in behind]
-    found = nearest(fits, fit_candidates(base, noise, jobs)) if jobs else fits
-    return {n: own for n, own in found.items() if own[1].cost < base.cost}
+    return nearest(fits, fit_candidates(base, noise, jobs)) if jobs else dict(fits)
 
 
 def imitating(base: Fit, noise: Noise, candidates: Sequence[Candidate], leader: Candidate, there: Fit) -> list[Start]:

@@ -7,7 +7,14 @@ import pytest
 from identification.mismatch.candidates.catalogue import catalogue
 from identification.mismatch.fitting.fit import fit
 from identification.mismatch.noise.estimate import first_noise
-from identification.mismatch.selection.optima import contained, fit_candidates, imitating, refit_base, without
+from identification.mismatch.selection.optima import (
+    carried_over,
+    contained,
+    fit_candidates,
+    imitating,
+    refit_base,
+    without,
+)
 from identification.topology import TWO_CARTS
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import KINDS, bench_of, data_set
@@ -34,6 +41,17 @@ def test_a_better_optimum_of_the_base_model_is_no_gain_of_a_candidate(base):
     better = refit_base(worse, base.metric, [(drag, nothing)])
     assert better.cost <= base.cost + 1.0
     assert set(better.values) == set(base.values)
+
+
+def test_candidates_follow_the_base_model_to_a_better_optimum(base):
+    drag = next(c for c in CANDIDATES if c.name == ("quadratic_drag", "cart_1"))
+    better = fit(base.bench, base.metric, base.values, base.names)
+    far = {**base.values, "k": 3.0 * base.values["k"], drag.keys[0]: 1e-5}
+    behind = fit(base.bench, base.metric, far, (*base.names, *drag.keys), iterations=1)
+    assert behind.cost > better.cost
+    found = carried_over(base, better, base.metric, {drag.name: (drag, behind)})
+    assert found[drag.name][1].cost < better.cost
+    assert carried_over(base, base, base.metric, {drag.name: (drag, behind)}) == {drag.name: (drag, behind)}
 
 
 def test_no_candidate_is_worse_than_the_model_it_contains(base):
