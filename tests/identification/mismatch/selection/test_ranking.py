@@ -1,13 +1,20 @@
 """Which candidate is named: by gains that no single experiment decides, ties by paired scores, names before free functions."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from identification.mismatch.candidates.catalogue import Candidate
 from identification.mismatch.candidates.free import Shape
 from identification.mismatch.candidates.narrow_band import made
-from identification.mismatch.selection.ranking import Scored, dispensable, ranked, tied
+from identification.mismatch.candidates.phases import Phase
+from identification.mismatch.fitting.bench import Bench
+from identification.mismatch.fitting.fit import Coordinates, Fit
+from identification.mismatch.selection.evaluate import Table
+from identification.mismatch.selection.linear import Entry
+from identification.mismatch.selection.ranking import Scored, dispensable, ranked, scores, tied
 
 RNG = np.random.default_rng(0)
 
@@ -78,3 +85,36 @@ def test_a_command_makes_its_own_frequency_and_odd_harmonics_through_friction():
     t = np.arange(8000) * 1e-3
     frequency = np.array([2.0, 6.0, 10.0, 7.3])
     assert made(np.sin(2.0 * np.pi * 2.0 * t), 1e-3, frequency).tolist() == [True, True, True, False]
+
+
+@pytest.fixture
+def score():
+    """What a candidate scores whose fit leaves so much in each of twelve experiments of fifty rows; its model leaves 1."""
+    bench = object.__new__(Bench)
+    bench.units, bench.rows = np.arange(12), [slice(50 * u, 50 * (u + 1)) for u in range(12)]
+    whole = SimpleNamespace(white=lambda x: x)
+    drag = Candidate("quadratic_drag", "cart_1", (("quadratic_drag.cart_1.c", 1e-5),))
+
+    def of(left, periods=0):
+        def model(left, *names):
+            residual = np.repeat(left, 50)
+            return Fit({}, names, float(residual @ residual), residual, Coordinates((), {}), bench, whole)
+
+        ripples = [Entry(Phase(*drag.name, float(p)), ()) for p in range(periods)]
+        linear = SimpleNamespace(entries=ripples, products=np.zeros((12, 1, 1)))
+        null = SimpleNamespace(p_value=lambda *_: 0.002)
+        return scores(model(np.ones(12)), linear, Table({}, {}, {}), {drag.name: (drag, model(left, *drag.keys))}, null)
+
+    return of
+
+
+def test_a_fit_that_is_worse_than_the_model_it_contains_gains_nothing(score):
+    """A recording that loses much is odd, and is left out of a gain: of a fit in another valley that is no evidence."""
+    (better,) = score(np.full(12, 0.3))
+    assert better.total > 40.0
+    assert score(np.array([4.0, *np.full(11, 0.3)])) == []
+
+
+def test_of_many_periods_one_that_a_fit_found_costs_their_choice(score):
+    (alone,), (chosen,) = score(np.full(12, 0.3)), score(np.full(12, 0.3), periods=45)
+    assert alone.gain.sum() - chosen.gain.sum() == pytest.approx(np.log(45.0))
