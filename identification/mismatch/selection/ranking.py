@@ -182,11 +182,9 @@ def scores(
 
     Null draws know linear changes alone. A fit that gains more has found more, for the base model was fitted from there, too.
     """
-    # a fit that is worse than the model it contains tells nothing of its candidate
-    better = {n: own for n, own in fits.items() if own[1].cost < base.cost}
     found = []
     periods = Counter(e.candidate.name for e in linear.entries if e.random)
-    for name in {**table.best, **better}:
+    for name in {**table.best, **fits}:
         scored: Scored | None = None
         if name in table.best:
             entry = table.best[name]
@@ -197,10 +195,13 @@ def scores(
                 variability = tuple(Direction(group, spread, change.astype(np.float64)) for change in changes)
             p = null.p_value(name, float(shared(entry.gain)))
             scored = Scored(entry.candidate, None, entry.gain, max(len(entry.columns), 2), p, variability)
-        if name in better:
-            candidate, best = better[name]
-            # of so many periods a fit is the best: what the choice among them makes by chance
-            gain = gain_of(base, best) - np.log(max(periods[name], 1)) / len(linear.products)
+        if name in fits:
+            candidate, best = fits[name]
+            gain = np.zeros(len(linear.products))
+            # a fit that is worse than the model it contains gains nothing, though all but one odd recording may gain
+            if best.cost < base.cost:
+                # of so many periods it is the best: what the choice among them makes by chance
+                gain = gain_of(base, best) - np.log(max(periods[name], 1)) / len(gain)
             if scored is None or not scored.variability or shared(gain) > scored.total:
                 p = null.p_value(name, float(shared(gain)))
                 scored = Scored(candidate, best, gain, len(candidate.keys), p)

@@ -112,7 +112,8 @@ def test_a_fit_that_is_worse_than_the_model_it_contains_gains_nothing(score):
     """A recording that loses much is odd, and is left out of a gain: of a fit in another valley that is no evidence."""
     (better,) = score(np.full(12, 0.3))
     assert better.total > 40.0
-    assert score(np.array([4.0, *np.full(11, 0.3)])) == []
+    (worse,) = score(np.array([4.0, *np.full(11, 0.3)]))
+    assert worse.total == 0.0
 
 
 def test_of_many_periods_one_that_a_fit_found_costs_their_choice(score):
