@@ -46,7 +46,7 @@ class Table:
     Attributes
     ----------
     total
-        Name to the gain of its best entry, ndarray, shape (data sets,).
+        Name to the gain of its best entry, of a ripple to that of the average period, ndarray, shape (data sets,).
     best
         Name to its best entry in the first data set.
     entries

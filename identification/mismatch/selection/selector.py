@@ -76,7 +76,7 @@ class Selection:
 
     @property
     def doubtful(self) -> Scored | None:
-        """Return what no null draw explains in the last round, though it gains no more than chance can."""
+        """Return what no null draw explains in the last round, though it gains less than a name must."""
         last = self.rounds[-1]
         rare = [s for s in last.scored if s.p <= self.level and s.total > 0.0]
         return None if last.accepted else max(rare, key=lambda s: s.total, default=None)
