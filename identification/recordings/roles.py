@@ -135,6 +135,12 @@ def _recognised(file: File, taken: set[int]) -> None:
     if ignored:
         more = f" and {len(ignored) - MOST_LISTED} more" if len(ignored) > MOST_LISTED else ""
         file.notes.append(f"columns ignored: {', '.join(ignored[:MOST_LISTED])}{more}")
+    for signal in MEASURED:
+        column = file.strange.get(signal)
+        tail = (column.label, column.unit) if column is not None else _strange_tail(file.table, signal)
+        if tail is not None and tail[0] in ignored:
+            why = f"{tail[1]!r} is no known unit of {signal}; give its factor in rig.toml, under [units]"
+            file.notes.append(f"{tail[0]}: {why}")
 
 
 def _only_reference(file: File) -> bool:

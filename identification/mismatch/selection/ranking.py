@@ -98,8 +98,6 @@ class Round:
         Whether the first one is taken.
     variability
         Run-to-run variability.
-    least
-        Gain that a name must have.
     """
 
     base: Fit
@@ -108,7 +106,6 @@ class Round:
     noise: Noise
     accepted: bool
     variability: tuple[Direction, ...] = ()
-    least: float = 0.0
 
     @property
     def best(self) -> Scored:

@@ -125,7 +125,7 @@ class Selector:
             step = self._round(base, near, phases, taken, () if rounds else proposed)
             rounds.append(step)
             base = step.base
-            name = self._name(step) if step.accepted else None
+            name = self._name(step, self._needed(rounds[0].base, step)) if step.accepted else None
             if name is None or (nameless(step.best) and doubted is not None):
                 break
             if nameless(step.best):
@@ -140,30 +140,40 @@ class Selector:
         taken, base = self._backward(taken, base, rounds[-1])
         return Selection(tuple(rounds), rounds[0].base, base, tuple(taken), rounds[-1].variability, self.level)
 
-    def _name(self, step: Round) -> Scored | None:
+    def _name(self, step: Round, share: float) -> Scored | None:
         """Return what a round names: the first that a simulation needs, of the significant names where a free function won.
 
         Another that gains less than half of the most may gain from what that is, unless it brings the simulation near.
+
+        Parameters
+        ----------
+        share
+            Of the squared output error, which a name takes off at least.
         """
-        significant = [s for s in self._significant(step.scored, step.least) if not nameless(s)]
+        significant = [s for s in self._significant(step.scored, step.null) if not nameless(s)]
         half = MOST * max((s.total for s in significant), default=0.0)
         order = significant if nameless(step.best) else [step.best, *(s for s in significant if s is not step.best)]
 
         def needed(s: Scored) -> bool:
-            least = self.settings.relevant if s is step.best or s.total >= half else self.settings.large
+            least = share if s is step.best or s.total >= half else max(share, self.settings.large)
             return self._share(s, step.base) >= least
 
         return next((s for s in order[: _MORE + 1] if needed(s)), None)
 
-    def _least(self, null: Null, taken: Sequence[tuple[Scored, Round]]) -> float:
-        """Return the gain that a name must have: more than chance makes, and than what names before it may have left.
+    def _needed(self, first: Fit, step: Round) -> float:
+        """Return the share of the squared output error that a name of a round must take off.
 
         No law of the catalogue is exact, and what is left of what was named is no other effect.
         """
-        return max(null.evidence(self.level), self.settings.inexact * sum(s.total for s, _ in taken))
+        if first is step.base or not step.accepted:
+            return self.settings.relevant
+        levels = Levels.of(self.bench, step.base.residual)
+        before, now = (held_first(self.bench, levels, f.values, f.names).cost for f in (first, step.base))
+        return max(self.settings.relevant, self.settings.inexact * (before / max(now, 1e-300) - 1.0))
 
-    def _significant(self, scored: Sequence[Scored], least: float) -> list[Scored]:
-        """Return the candidates that gain more than data of this rig in which nothing is left out, and so much."""
+    def _significant(self, scored: Sequence[Scored], null: Null) -> list[Scored]:
+        """Return the candidates that gain more than data of this rig in which nothing is left out, and more than chance can."""
+        least = null.evidence(self.level)
         return [s for s in scored if s.p <= self.level and s.total >= least]
 
     def _share(self, scored: Scored, base: Fit) -> float:
@@ -252,7 +262,7 @@ class Selector:
             # hundreds of columns that are not needed beside those of the next turn
             del account
         assert linear is not None
-        return self._judged(linear, first, fits, found, candidates, taken)
+        return self._judged(linear, first, fits, found, candidates, seed)
 
     def _placed(self, candidate: Candidate, named: Collection[Name]) -> bool:
         """Whether recordings tell the place that a candidate repeats with: a speed without sign adds up to none."""
@@ -268,7 +278,7 @@ class Selector:
         fits: dict[Name, tuple[Candidate, Fit]],
         found: Sequence[Direction],
         candidates: Sequence[Candidate],
-        taken: Sequence[tuple[Scored, Round]],
+        seed: Sequence[int],
     ) -> Round:
         """Hold the candidates against their null draws, and the base model against their optima."""
         noise, before = linear.noise, linear.model
@@ -278,8 +288,7 @@ class Selector:
         leading = [fits[c.name] for c, _ in leading if c.name in fits]
         linear = linear.around(base, noise)
         table = evaluate(linear, linear.residual[:, None])
-        null = null_of(linear, base.values, noise, found, first, table, [self.seed, len(taken)])
-        least = self._least(null, taken)
+        null = null_of(linear, base.values, noise, found, first, table, seed)
         scored = scores(base, linear, table, fits, null)
         # whatever may be named is fitted before it is, and so is what looks like the leader
         if jobs := self._beside_the_leader(linear, table, scored, leading[:1], candidates):
@@ -287,14 +296,14 @@ class Selector:
             scored = scores(base, linear, table, fits, null)
         asked = {candidate.name for candidate, _ in leading}
         while True:
-            significant = self._significant(scored, least)
+            significant = self._significant(scored, null)
             order = ranked(scored, significant)
             named = [fits[s.name] for s in (order[0], *significant[:2]) if s.name in fits and s.name not in asked]
             asked |= {candidate.name for candidate, _ in named}
             better = refit_base(base, noise, named)
             if better is base:
                 order = ranked(pruned(base, noise, scored, significant), significant)
-                return Round(base, tuple(order), null, noise, bool(significant), tuple(found), least)
+                return Round(base, tuple(order), null, noise, bool(significant), tuple(found))
             fits = carried_over(base, better, noise, fits)
             base, linear = better, linear.around(better, noise)
             table = evaluate(linear, linear.residual[:, None])

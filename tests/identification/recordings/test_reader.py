@@ -271,6 +271,13 @@ class TestImperfectLogs:
         run = read_one(write_csv(tmp_path / "a.csv", log | {"flag": np.ones(log["t_s"].size)}))
         assert run.notes == ("columns ignored: flag",)
 
+    def test_a_column_that_is_ignored_for_its_unit_is_said_to_be(self, tmp_path):
+        log = velocity_log()
+        log["x2 (furlong)"] = np.cumsum(log.pop("v2_mm_s"))
+        run = read_one(write_csv(tmp_path / "a.csv", log))
+        assert run.notes[0] == "columns ignored: x2 (furlong)"
+        assert run.notes[1].startswith("x2 (furlong): 'furlong' is no known unit of x2; give its factor in rig.toml")
+
     def test_a_constant_command_and_a_drive_at_rest_are_noted(self, tmp_path):
         t = time(1.0)
         log = {"t": t, "u": np.full(t.size, 0.2), "v1": 0.0 * t}

@@ -55,7 +55,7 @@ def test_a_name_that_no_simulation_needs_is_not_given(monkeypatch, share, named)
     like = Scored(Candidate("load_friction", "cart_2", (("mu", 1.0),)), None, np.ones(4), 1, 0.002)
     monkeypatch.setattr(selector, "fit_base", lambda *_: "base")
     first, last = (
-        SimpleNamespace(base="base", accepted=accepted, best=like, scored=[like], least=9.0, variability=())
+        SimpleNamespace(base="base", accepted=accepted, best=like, scored=[like], null=None, variability=())
         for accepted in (True, False)
     )
     first.with_first = lambda _: first
@@ -63,7 +63,8 @@ def test_a_name_that_no_simulation_needs_is_not_given(monkeypatch, share, named)
     asked = SimpleNamespace(bench=None, topology=None, known={}, level=LEVEL, settings=Settings())
     asked.say, asked._proposed, asked._near = lambda _: None, lambda _: [], lambda *_: None
     asked._significant, asked._share = lambda *_: [like], lambda *_: share
-    asked._round, asked._name = lambda *_: next(rounds), lambda step: Selector._name(asked, step)
+    asked._round, asked._name = lambda *_: next(rounds), lambda *a: Selector._name(asked, *a)
+    asked._needed = lambda *a: Selector._needed(asked, *a)
     asked._backward = lambda taken, model, _last: (taken, model)
     assert [s.name[0] for s, _ in Selector.run(asked).accepted] == named
 
@@ -84,10 +85,12 @@ def test_a_speed_without_sign_adds_up_to_no_place():
     assert looked_for(drag, "encoder_2")
 
 
-def test_what_a_law_that_is_inexact_leaves_is_no_other_effect():
-    """A gain goes with the square of a force: seven per cent of the force that is named have half a per cent of its gain."""
-    asked = SimpleNamespace(level=LEVEL, settings=Settings())
-    null = SimpleNamespace(evidence=lambda level: float(np.log(90 / level)))
-    lag = Scored(Candidate("amplifier_lag", "actuator", (("tau", 1.0),)), None, np.full(12, 500.0), 1)
-    assert Selector._least(asked, null, []) == pytest.approx(9.1, abs=0.1)
-    assert Selector._least(asked, null, [(lag, None)]) == pytest.approx(0.07**2 * 5500.0, rel=0.05)
+@pytest.mark.parametrize(("before", "share"), [(2.0, 0.01), (100.0, 0.495)])
+def test_what_a_law_that_is_inexact_leaves_is_no_other_effect(monkeypatch, before, share):
+    """An error goes with the square of a force: of what was a hundred times as large seven per cent of the force are half."""
+    asked = SimpleNamespace(bench=SimpleNamespace(pieces=(), floor=(), valid=np.ones(3, bool)), settings=Settings())
+    first, now = (SimpleNamespace(values=c, names=(), residual=np.ones(3)) for c in (before, 1.0))
+    monkeypatch.setattr(selector, "held_first", lambda _bench, _levels, values, _names: SimpleNamespace(cost=values))
+    step = SimpleNamespace(base=now, accepted=True)
+    assert Selector._needed(asked, first, step) == pytest.approx(share)
+    assert Selector._needed(asked, now, step) == Settings().relevant
