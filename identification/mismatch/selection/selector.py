@@ -125,7 +125,7 @@ class Selector:
             step = self._round(base, near, phases, taken, () if rounds else proposed)
             rounds.append(step)
             base = step.base
-            name = self._name(step, self._needed(rounds[0].base, step)) if step.accepted else None
+            name = self._name(step, sum(s.total for s, _ in taken)) if step.accepted else None
             if name is None or (nameless(step.best) and doubted is not None):
                 break
             if nameless(step.best):
@@ -140,36 +140,26 @@ class Selector:
         taken, base = self._backward(taken, base, rounds[-1])
         return Selection(tuple(rounds), rounds[0].base, base, tuple(taken), rounds[-1].variability, self.level)
 
-    def _name(self, step: Round, share: float) -> Scored | None:
+    def _name(self, step: Round, gained: float) -> Scored | None:
         """Return what a round names: the first that a simulation needs, of the significant names where a free function won.
 
-        Another that gains less than half of the most may gain from what that is, unless it brings the simulation near.
+        Another that gains less than half of the most may gain from what that is, and what gains next to nothing beside earlier
+        names from what these do not describe, for no law of the catalogue is exact; unless it brings the simulation near.
 
         Parameters
         ----------
-        share
-            Of the squared output error, which a name takes off at least.
+        gained
+            By earlier names.
         """
         significant = [s for s in self._significant(step.scored, step.null) if not nameless(s)]
         half = MOST * max((s.total for s in significant), default=0.0)
         order = significant if nameless(step.best) else [step.best, *(s for s in significant if s is not step.best)]
 
         def needed(s: Scored) -> bool:
-            least = share if s is step.best or s.total >= half else max(share, self.settings.large)
-            return self._share(s, step.base) >= least
+            own = (s is step.best or s.total >= half) and s.total >= self.settings.inexact * gained
+            return self._share(s, step.base) >= (self.settings.relevant if own else self.settings.large)
 
         return next((s for s in order[: _MORE + 1] if needed(s)), None)
-
-    def _needed(self, first: Fit, step: Round) -> float:
-        """Return the share of the squared output error that a name of a round must take off.
-
-        No law of the catalogue is exact, and what is left of what was named is no other effect.
-        """
-        if first is step.base or not step.accepted:
-            return self.settings.relevant
-        levels = Levels.of(self.bench, step.base.residual)
-        before, now = (held_first(self.bench, levels, f.values, f.names).cost for f in (first, step.base))
-        return max(self.settings.relevant, self.settings.inexact * (before / max(now, 1e-300) - 1.0))
 
     def _significant(self, scored: Sequence[Scored], null: Null) -> list[Scored]:
         """Return the candidates that gain more than data of this rig in which nothing is left out, and more than chance can."""
