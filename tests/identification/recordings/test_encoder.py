@@ -243,3 +243,15 @@ def test_a_reading_that_starts_late_needs_the_other_cart_as_witness():
     late = run.v1.copy()
     late[:700] = 0.0
     assert faults(recording(v1=late)) == [("encoder_1", "encoder_dropout", 0, 700)]
+
+
+def test_static_friction_may_hold_a_drive_for_the_first_swings():
+    """Breakaway of four times the Coulomb level: both carts rest at the start of a sine, and never again."""
+    run = recording(kind="sine", frequency=4.0)
+    held = 190
+    v1, v2 = (np.where(np.arange(run.n) < held, 0.0, np.roll(v, held)) for v in (run.v1, run.v2))
+    late = recording(kind="sine", frequency=4.0, v1=v1, v2=v2)
+    assert faults(late) == []
+    # the other cart has travelled meanwhile
+    late = recording(kind="sine", frequency=4.0, v1=np.where(np.arange(run.n) < 2 * held, 0.0, run.v1))
+    assert faults(late) == [("encoder_1", "encoder_dropout", 0, 2 * held)]
