@@ -200,7 +200,9 @@ def force_of(
     change = led({**values, **effect}, motion_, every) - (led(values, motion_, every) if bare is None else bare)
     masses = np.array([values["m1"], min(values.get("m2", 1.0), 1e6)])
     force = np.zeros((2, len(motion_.u)))
-    fine = np.repeat(np.nan_to_num(change) * masses[:, None], every, axis=1)
+    # along a motion that it does not make an effect may be as large as numbers are, and is clipped
+    with np.errstate(over="ignore"):
+        fine = np.repeat(np.nan_to_num(change) * masses[:, None], every, axis=1)
     force[:, : fine.shape[1]] = np.clip(fine, -_LARGEST, _LARGEST)
     # what acts over a step is felt in the middle of it
     force[:, 1:] = 0.5 * (force[:, 1:] + force[:, :-1])
