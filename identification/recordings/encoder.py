@@ -17,7 +17,7 @@ import numpy as np
 from flexdrive_gym.recording import Fault
 from identification.recordings.dips import Dip, find_dips
 from identification.recordings.freezes import RARE, Standstill, find_standstills, lasting
-from identification.recordings.motion import Encoder, channel, encoder_speed, leaps, other_travel
+from identification.recordings.motion import Encoder, channel, encoder_speed, leaps, other_rests, other_travel
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -65,17 +65,14 @@ def encoder_faults(recordings: Sequence[Recording], where: Encoder) -> tuple[lis
     for k, recording in enumerate(recordings):
         said = [note] if (note := _idle(recording, where)) else []
         frozen = [s for s in stills[k] if s.stops_abruptly]
-
-        def witnessed(still: Standstill, recording: Recording = recording) -> bool:
-            """Whether a drive at rest does not explain it: it starts so, and friction may hold it for a while."""
-            return still.first > 1 or other_travel(recording, where, still.first, still.last) > UNMOVED
-
         if played and sudden[k]:
             said.append(f"{where}: {len(sudden[k])} standstills end abruptly, as behind play: no fault")
         elif not played:
-            frozen += filter(witnessed, sudden[k])
+            # a drive starts at rest, so a reading that starts late needs the other cart as a witness
+            frozen += [s for s in sudden[k] if s.first > 1 or other_travel(recording, where, s.first, s.last) > UNMOVED]
         frozen, struck = _sporadic(recording, frozen, stills[k])
-        frozen += [s for s in lasting(recording, channels[k], stills[k]) if s not in frozen and witnessed(s)]
+        long = [s for s in lasting(recording, channels[k], stills[k]) if s not in frozen]
+        frozen += [s for s in long if not other_rests(recording, where, s.first, s.last)]
         found = [fault for still in frozen for fault in _freeze(recording, where, still)]
         if channels[k] is not None:
             dips, jolted = _sporadic(recording, jolts[k], jolts[k])

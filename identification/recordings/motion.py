@@ -22,6 +22,7 @@ LEAST_BLUR = 5.0  # mm/s: about one count per ms, for channels that show no coun
 FASTEST = 1e4  # mm/s that no cart of a laboratory drive reaches
 LONGEST_LEAP = 10  # samples: a velocity filter smears a leap over some
 RAREST = 0.01  # share of the samples that leaps may take; a wrong unit takes nearly all in which the cart moves
+RESTS = 0.2  # of its rms speed, below which a cart hardly moves; one that swings is so slow a tenth of the time
 
 
 def channel(recording: Recording, name: str) -> FloatArray | None:
@@ -103,6 +104,19 @@ def plausible_change(speed: FloatArray, still: BoolArray) -> float:
         touched = (smooth[SMOOTHING:] == 0.0) & (smooth[:-SMOOTHING] == 0.0)
     moving = change[~touched]
     return float(np.percentile(moving, PERCENTILE)) if moving.size > 4 * SMOOTHING else 0.0
+
+
+def other_rests(recording: Recording, where: Encoder, first: int, last: int) -> bool:
+    """Return whether the other cart mostly rests from sample ``first`` to ``last``, so that friction may hold both.
+
+    Where it is unknown, a drive rests at its start.
+    """
+    counted = encoder_speed(recording, "encoder_2" if where == "encoder_1" else "encoder_1")
+    if counted is None:
+        return first <= 1
+    speed = np.abs(counted[0])
+    slow = speed[first : last + 1] < RESTS * np.sqrt(np.mean(speed**2))
+    return bool(np.mean(slow) > 0.5)
 
 
 def other_travel(recording: Recording, where: Encoder, first: int = 0, last: int | None = None) -> float:

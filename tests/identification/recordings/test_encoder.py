@@ -245,13 +245,26 @@ def test_a_reading_that_starts_late_needs_the_other_cart_as_witness():
     assert faults(recording(v1=late)) == [("encoder_1", "encoder_dropout", 0, 700)]
 
 
-def test_static_friction_may_hold_a_drive_for_the_first_swings():
-    """Breakaway of four times the Coulomb level: both carts rest at the start of a sine, and never again."""
-    run = recording(kind="sine", frequency=4.0)
-    held = 190
-    v1, v2 = (np.where(np.arange(run.n) < held, 0.0, np.roll(v, held)) for v in (run.v1, run.v2))
-    late = recording(kind="sine", frequency=4.0, v1=v1, v2=v2)
-    assert faults(late) == []
-    # the other cart has travelled meanwhile
-    late = recording(kind="sine", frequency=4.0, v1=np.where(np.arange(run.n) < 2 * held, 0.0, run.v1))
-    assert faults(late) == [("encoder_1", "encoder_dropout", 0, 2 * held)]
+def held(v, first, last):
+    """Return a speed that falls to nothing, rests from sample first to last, and goes on where it began to fall."""
+    fall = np.where(np.arange(v.size) < first, v, 0.0)
+    fall[first - 60 : first] *= np.linspace(1.0, 0.0, 60)
+    fall[last + 1 :] = v[first - 60 : first - 60 + v.size - last - 1]
+    fall[last + 1 : last + 61] *= np.linspace(0.0, 1.0, 60)
+    return fall
+
+
+@each(("first", "last"), [(0, 189), (1500, 2100)])
+def test_static_friction_may_hold_both_carts_for_whole_swings(first, last):
+    """Breakaway of four times the Coulomb level holds a drive at the start of a sine, or in the middle, as it likes."""
+    sine = {"kind": "sine", "frequency": 4.0}
+    run = recording(**sine)
+    if first == 0:
+        v1, v2 = (np.where(np.arange(run.n) <= last, 0.0, np.roll(v, last + 1)) for v in (run.v1, run.v2))
+    else:
+        v1, v2 = (held(v, first, last) for v in (run.v1, run.v2))
+    assert faults(recording(**sine, v1=v1, v2=v2)) == []
+    # where the other cart has travelled meanwhile, the reading has stopped and not the cart
+    broken = faults(recording(**sine, v1=v1))
+    assert [(where, what) for where, what, *_ in broken] == [("encoder_1", "encoder_dropout")]
+    assert broken[0][2] == pytest.approx(max(first - 1, 0), abs=2)
