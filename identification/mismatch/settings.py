@@ -67,9 +67,9 @@ class Settings:
         which the best of a hundred parameters that are fitted to nothing takes off 2 ln(100) / 100.
     inexact
         Share of what names have gained that a further one must gain [1], or take ``large`` off the error: no law is exact, and a
-        fourteenth of the force of what was named is no second effect. A gain goes with the square of a force. What data sets of
-        an independent program left to wrong names was up to 0.43 %, and right ones took 1.2 % and more
-        (``python -m benchmarks later_names``, seeds 24 to 27).
+        fourteenth of the force of what was named is no second effect. A gain goes with the square of a force, and so does the
+        squared error, of which an independent program's data sets left up to 0.43 % to seven wrong names, and right ones took
+        1.2 % and more (``python -m benchmarks later_names``, seeds 24 to 27).
     small_motion
         Rms velocity over the noise that encoder counts make in a block, under which positions are compared instead [1]: there
         a difference of counts is mostly rounding, and the counts themselves are not.

@@ -69,7 +69,7 @@ def encoder_faults(recordings: Sequence[Recording], where: Encoder) -> tuple[lis
             said.append(f"{where}: {len(sudden[k])} standstills end abruptly, as behind play: no fault")
         elif not played:
             # a drive starts at rest, so a reading that starts late needs the other cart as a witness
-            frozen += [s for s in sudden[k] if s.first > 1 or other_travel(recording, where, s.first, s.last) > UNMOVED]
+            frozen += [s for s in sudden[k] if s.first > 1 or not other_rests(recording, where, s.first, s.last)]
         frozen, struck = _sporadic(recording, frozen, stills[k])
         long = [s for s in lasting(recording, channels[k], stills[k]) if s not in frozen]
         frozen += [s for s in long if not other_rests(recording, where, s.first, s.last)]

@@ -111,7 +111,7 @@ def other_rests(recording: Recording, where: Encoder, first: int, last: int) -> 
 
     Where it is unknown, a drive rests at its start.
     """
-    counted = encoder_speed(recording, "encoder_2" if where == "encoder_1" else "encoder_1")
+    counted = encoder_speed(recording, _other(where))
     if counted is None:
         return first <= 1
     speed = np.abs(counted[0])
@@ -119,10 +119,11 @@ def other_rests(recording: Recording, where: Encoder, first: int, last: int) -> 
     return bool(np.mean(slow) > 0.5)
 
 
-def other_travel(recording: Recording, where: Encoder, first: int = 0, last: int | None = None) -> float:
-    """Return the travel of the other cart [mm] from sample ``first`` to ``last``, 0 where unknown."""
-    counted = encoder_speed(recording, "encoder_2" if where == "encoder_1" else "encoder_1")
-    if counted is None:
-        return 0.0
-    path = np.cumsum(counted[0]) * recording.sample_time
-    return float(np.ptp(path[first : None if last is None else last + 1]))
+def other_travel(recording: Recording, where: Encoder) -> float:
+    """Return the travel of the other cart [mm], 0 where unknown."""
+    counted = encoder_speed(recording, _other(where))
+    return 0.0 if counted is None else float(np.ptp(np.cumsum(counted[0]))) * recording.sample_time
+
+
+def _other(where: Encoder) -> Encoder:
+    return "encoder_2" if where == "encoder_1" else "encoder_1"
