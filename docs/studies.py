@@ -37,7 +37,7 @@ def rows() -> list[dict[str, str]]:
 
 
 def together(studies: Iterable[str]) -> dict[str, str]:
-    """The shares that studies count together, by their names."""
+    """The shares that studies count together, with their 95 % intervals, by their names."""
     chosen = [r for r in rows() if r["study"] in set(studies)]
     found = {}
     for what in chosen[0]:
@@ -50,11 +50,11 @@ def together(studies: Iterable[str]) -> dict[str, str]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--together", nargs="+", metavar="STUDY")
+    parser.add_argument("--together", nargs="+", choices=[r["study"] for r in rows()], metavar="STUDY")
     if asked := parser.parse_args().together:
         print("\n".join(f"| {what} | {value} |" for what, value in together(asked).items()))
         return
-    known = {r["study"]: r for r in rows()} if TABLE.exists() else {}
+    known = {r["study"]: r for r in rows()}
     for folder in sorted(p.parent for p in FOLDER.glob("*/study.json")):
         known[folder.name] = {**known.get(folder.name, {}), **row(folder)}
     out = io.StringIO()

@@ -283,12 +283,16 @@ def conversion(column: Column, wanted: str) -> float | None:
 def no_unit(source: str, label: str, signal: Signal, unit: str, wanted: str = "") -> RecordingError:
     """Return the error for a column whose unit is not one of the rig's."""
     lab = wanted or LAB_UNIT[DIMENSION[signal]]
-    role = "reference" if signal == "xr" else signal
-    return broken(
-        source,
-        f"column {label}",
-        f"the unit must be one of {DIMENSION[signal]}, for example {lab}",
-        unit,
-        f"Convert the column to {lab} and rename it {signal} [{lab}], or say in rig.toml what it is: "
-        f'[units] {role} = {{ unit = "{unit}" }}, or unit = "{lab}" with the factor from {unit} to {lab}.',
-    )
+    rule = f"the unit must be one of {DIMENSION[signal]}, for example {lab}"
+    return broken(source, f"column {label}", rule, unit, unit_remedy(label, signal, unit, lab))
+
+
+def unit_remedy(label: str, signal: Signal, unit: str, lab: str) -> str:
+    """Return what to do about a column whose unit is not known."""
+    role, by = "reference" if signal == "xr" else signal, f"the factor from {unit} to {lab}"
+    if read_label(label) is None:
+        # the name tells no signal, so that it must be given one, too
+        told = f'[columns] {role} = "{label}" and [units] {role} = {{ unit = "{lab}", factor = F }}, where F is {by}'
+    else:
+        told = f'[units] {role} = {{ unit = "{unit}" }}, or unit = "{lab}" with {by}'
+    return f"Convert the column to {lab} and rename it {signal} [{lab}], or say in rig.toml what it is: {told}."

@@ -12,7 +12,7 @@ import re
 from typing import TYPE_CHECKING
 
 from identification.recordings.candidates import MOST_LISTED, ROLE, Candidate, File, either
-from identification.recordings.columns import MEASURED, conversion, no_unit, read_label
+from identification.recordings.columns import MEASURED, conversion, no_unit, read_label, unit_remedy
 from identification.recordings.errors import NotARecordingError
 from identification.recordings.names import combined, resolve
 from identification.recordings.one_clock import on_one_clock
@@ -138,9 +138,9 @@ def _recognised(file: File, taken: set[int]) -> None:
     for signal in MEASURED:
         column = file.strange.get(signal)
         tail = (column.label, column.unit) if column is not None else _strange_tail(file.table, signal)
-        if tail is not None and tail[0] in ignored:
-            why = f"{tail[1]!r} is no known unit of {signal}; give its factor in rig.toml, under [units]"
-            file.notes.append(f"{tail[0]}: {why}")
+        if tail is not None and tail[0] in ignored and signal not in file.candidates:
+            remedy = unit_remedy(tail[0], signal, tail[1], _wanted_unit(file.rig, ROLE[signal]))
+            file.notes.append(f"{tail[0]}: {tail[1]!r} is no known unit of {signal}. {remedy}")
 
 
 def _only_reference(file: File) -> bool:

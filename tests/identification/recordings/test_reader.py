@@ -1,4 +1,5 @@
 import gzip
+import re
 from datetime import datetime
 
 import numpy as np
@@ -271,12 +272,31 @@ class TestImperfectLogs:
         run = read_one(write_csv(tmp_path / "a.csv", log | {"flag": np.ones(log["t_s"].size)}))
         assert run.notes == ("columns ignored: flag",)
 
-    def test_a_column_that_is_ignored_for_its_unit_is_said_to_be(self, tmp_path):
+    def test_a_column_that_is_ignored_for_its_unit_is_said_to_be_and_the_remedy_reads_it(self, tmp_path):
         log = velocity_log()
-        log["x2 (furlong)"] = np.cumsum(log.pop("v2_mm_s"))
-        run = read_one(write_csv(tmp_path / "a.csv", log))
-        assert run.notes[0] == "columns ignored: x2 (furlong)"
-        assert run.notes[1].startswith("x2 (furlong): 'furlong' is no known unit of x2; give its factor in rig.toml")
+        speed = log.pop("v2_mm_s")
+        log["v2_furlong_s"] = speed / 201168.0
+        path = write_csv(tmp_path / "a.csv", log)
+        ignored, why = read_one(path).notes
+        assert ignored == "columns ignored: v2_furlong_s"
+        columns, units = re.search(
+            r"what it is: (.*) and (.*), where F is the factor from furlong_s to mm/s", why
+        ).groups()
+        text = f"{columns}\n{units}".replace("] ", "]\n").replace("= F", "= 201168.0")
+        (tmp_path / "rig.toml").write_text(text)
+        (run,) = read_recordings(path, rig=tmp_path / "rig.toml")
+        assert run.v2 == pytest.approx(speed)
+
+    def test_a_unit_that_is_written_as_one_is_said_to_be_unknown(self, tmp_path):
+        log = velocity_log()
+        log["v2 (furlong/s)"] = log.pop("v2_mm_s")
+        _ignored, why = read_one(write_csv(tmp_path / "a.csv", log)).notes
+        assert why.startswith("v2 (furlong/s): 'furlong/s' is no known unit of v2. Convert the column to mm/s")
+
+    def test_another_column_of_a_signal_that_is_read_has_no_unit_to_speak_of(self, tmp_path):
+        log = velocity_log()
+        run = read_one(write_csv(tmp_path / "a.csv", log | {"v2_filtered": log["v2_mm_s"]}))
+        assert not any("unit" in note for note in run.notes)
 
     def test_a_constant_command_and_a_drive_at_rest_are_noted(self, tmp_path):
         t = time(1.0)
