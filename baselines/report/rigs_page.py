@@ -8,6 +8,7 @@ from typing import Any
 from baselines.report import words
 from baselines.report.page import Section, render
 from flexdrive_gym import __version__
+from identification.mismatch.answer.finding import Unnamed
 
 Row = Mapping[str, Any]
 _MARKS = {"named": "✓ named", "tied": "≈ tied", "missed": "✗ missed"}
@@ -62,11 +63,16 @@ def overview(row: Row) -> tuple[str, ...]:
     if row["status"] != "examined":
         return row["title"], f"{row['status']}: {row['reason']}", "", "", "", "", ""
     outcomes = [f"{_MARKS[c['outcome']]}: {c['label']}" for c in row["concealed"]]
-    errors = row["errors"]
+    errors, rest = row["errors"], row["unnamed"]
+    claims = [_claim(c) for c in row["claims"]]
+    if rest is not None:
+        claims.append(
+            f"without a name: {words.without_name(Unnamed(rest['where'], rest['share_of_error'], rest['acts_on']))}"
+        )
     return (
         row["title"],
         "; ".join(outcomes) or "nothing concealed",
-        "; ".join(_claim(c) for c in row["claims"]) or "none",
+        "; ".join(claims) or "none",
         f"{_number(errors['before'])} {errors['unit']}",
         _number(errors["after"]),
         _number(errors["floor"]),

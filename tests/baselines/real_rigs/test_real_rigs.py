@@ -130,6 +130,11 @@ def test_the_page_says_the_result_first(examined, tmp_path):
     page = build_rigs_page(found, command="flexdrive rigs")
     assert page.index("1 of 2 documented effects") < page.index("<table")
     assert "no folder" in page
+    # what is left out and has no name is said in the first table
+    assert "without a name" not in page
+    found["rigs"][0]["unnamed"] = {"where": "cart_2", "share_of_error": 0.1, "acts_on": "as a function of the command"}
+    page = build_rigs_page(found, command="flexdrive rigs")
+    assert page.index("without a name: a force on cart 2 as a function of the command") < page.index('id="effects"')
     # none was asked, which is not the same as none found
     assert "look-alike's base model" not in page
     found["rigs"][0]["control"] = {"base_model_of": "lugre_servo", "named": [], "claims": []}
