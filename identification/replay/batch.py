@@ -7,8 +7,7 @@ The simulation is that of :func:`~identification.replay.output_error.simulate_ru
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,7 +19,7 @@ from flexdrive_gym.drive.effects import N_PARAMETERS, WORKSPACE
 from flexdrive_gym.drive.kernels import NOTHING, run_recording
 from flexdrive_gym.drive.sample import WORK_SPACE
 from flexdrive_gym.recording import BoolArray, FloatArray
-from identification.replay.lanes import LaneReplay, within
+from identification.replay.lanes import Across, LaneReplay, within
 from identification.replay.output_error import PHYSICS_S, RUNAWAY, Run, drive_vector, held
 
 # entries of a recording's row of whole numbers
@@ -174,24 +173,6 @@ class RunBatch:
             self._lane_replays[first, last] = LaneReplay(self.runs[first:last])
         return self._lane_replays[first, last]
 
-    def tasks(
-        self, values: Mapping[str, float], offsets: FloatArray, shares: Iterable[tuple[int, int]]
-    ) -> tuple[FloatArray, list[Callable[[], object]]]:
-        """Return where the residuals of one drive will be, and tasks that write them, which may run side by side.
-
-        Where recordings do not go in lanes, ``shares`` are the first recording of each task and the first beyond.
-        """
-        out = np.empty(self._rows)
-        if self._fits(values, None):
-            lanes = self._lanes(0, len(self.runs))
-            return out, [partial(lanes.residual, values, offsets, group=g, out=out) for g in range(len(lanes.groups))]
-        rows = [*self._recorded.places[:, _ROW], self._rows]
-
-        def write(first: int, last: int) -> None:
-            out[rows[first] : rows[last]] = self.residual(values, offsets, first, last)
-
-        return out, [partial(write, *share) for share in shares]
-
     def residual(
         self,
         values: Mapping[str, float] | Sequence[Mapping[str, float]],
@@ -199,6 +180,7 @@ class RunBatch:
         first: int = 0,
         last: int | None = None,
         pushes: Sequence[FloatArray] | None = None,
+        across: Across | None = None,
     ) -> FloatArray:
         """Return block means of measured minus simulated motion, recording after recording, cart after cart.
 
@@ -212,6 +194,8 @@ class RunBatch:
             Recordings asked for: ``first`` to ``last - 1``; default: all.
         pushes
             Additional forces on the carts [V], per recording asked for, ndarray, shape (2, n).
+        across
+            Maps over groups of recordings that go in lanes; default: all by one call.
 
         Returns
         -------
@@ -227,7 +211,7 @@ class RunBatch:
             if len(drives) > 1:
                 levels = np.array([[v.get(name, 0.0) for name in _LEVELS] for v in drives])
                 common = {**common, **{name: 0.0 for name in _LEVELS if name in common}}
-            return self._lanes(first, last).residual(common, offsets[first:last], pushes, levels)
+            return self._lanes(first, last).residual(common, offsets[first:last], pushes, levels, across)
         z = np.zeros(WORKSPACE) if pushes is not None or any(parameters.needs_workspace(v) for v in drives) else None
         if len(drives) == 1:
             drives = drives * len(asked)

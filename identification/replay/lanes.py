@@ -7,7 +7,7 @@ lanes are not all taken repeats its first recording, and what is over waits unti
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,8 @@ _ROW, _BLOCKS, _PUSHES, _LENGTH = (_LANES + i * WIDTH for i in range(4))
 _ENTRIES = _LANES + 4 * WIDTH
 # packs of one sample: command, track of both carts, of each cart what was measured and whether it is valid
 _PER_SAMPLE = 7
+# a map over parts of the work that do not depend on each other
+Across = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 
 
 @inlined
@@ -169,8 +171,7 @@ class LaneReplay:
         offsets: FloatArray,
         pushes: Sequence[FloatArray] | None = None,
         levels: FloatArray | None = None,
-        group: int | None = None,
-        out: FloatArray | None = None,
+        across: Across | None = None,
     ) -> FloatArray:
         """Return block means of measured minus simulated motion of one drive, in the order of the recordings.
 
@@ -180,22 +181,25 @@ class LaneReplay:
         ----------
         levels : ndarray, shape (recordings, 2)
             Coulomb levels of every run [V], besides those of the drive.
-        group
-            The only group to replay; default: all.
-        out : ndarray, shape (blocks of the recordings,)
-            Where to write them.
+        across
+            Maps over groups; default: all by one call.
         """
-        asked = slice(None) if group is None else slice(group, group + 1)
-        groups, h = self._table[asked].copy(), self._h[asked]
         p = np.array([drive_vector(values, run) for run in self._kinds])
         steps = np.array([substeps(values, run.sample_time, PHYSICS_S) for run in self._kinds])
-        groups[:, _SUBSTEPS] = steps[self._kind[asked]]
-        groups[:, _PARAMETERS] = N_PARAMETERS * self._kind[asked]
+        groups = self._table.copy()
+        groups[:, _SUBSTEPS], groups[:, _PARAMETERS] = steps[self._kind], N_PARAMETERS * self._kind
         force = np.zeros(0) if pushes is None else np.concatenate([f.ravel() for f in pushes])
-        own = np.zeros(0) if levels is None else levels[self._places[asked]].swapaxes(1, 2).ravel()
-        out = np.empty(self._rows) if out is None else out
-        replay_lanes(
-            groups, h, self._told, self._starts[asked], offsets[self._places[asked]], self._carts,
-            self._kinds[0].positions, RUNAWAY, p, np.zeros(MEMORIES), np.zeros(WORKSPACES), force, own, out,
-        )  # fmt: skip
+        out = np.empty(self._rows)
+
+        def replay(asked: slice) -> None:
+            own = np.zeros(0) if levels is None else levels[self._places[asked]].swapaxes(1, 2).ravel()
+            replay_lanes(
+                groups[asked], self._h[asked], self._told, self._starts[asked], offsets[self._places[asked]], self._carts,
+                self._kinds[0].positions, RUNAWAY, p, np.zeros(MEMORIES), np.zeros(WORKSPACES), force, own, out,
+            )  # fmt: skip
+
+        if across is None or len(groups) < 2:
+            replay(slice(None))
+        else:
+            list(across(replay, [slice(g, g + 1) for g in range(len(groups))]))
         return out

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,15 +17,14 @@ from identification.mismatch.fitting.experiments import IntArray, experiments
 from identification.mismatch.fitting.thread_pool import ThreadPool
 from identification.mismatch.settings import Settings
 from identification.replay.batch import RunBatch
-from identification.replay.output_error import Run, prepare
+from identification.replay.lanes import Across
+from identification.replay.output_error import Run, merged, prepare
 
 Values = Mapping[str, float]
 SingleArray = NDArray[np.float32]
 # of single precision where there are hundreds of them
 Columns = FloatArray | SingleArray
 Rows = TypeVar("Rows", FloatArray, SingleArray)
-# a map over numbers of recordings or units
-Across = Callable[[Callable[[int], Any], Iterable[int]], Iterable[Any]]
 # a cart that has moved by no more than a count, or so much of its way, within this time rests [s, 1]
 _REST_S, _STILL = 0.025, 1e-4
 
@@ -50,7 +49,7 @@ class Piece:
 class Bench:
     """Recordings of one drive, and the residuals of any drive against them.
 
-    Rows are block means of measured minus simulated motion, 5 ms long, or 10 ms where there would be very many: velocities
+    Rows are block means of measured minus simulated motion, about 5 ms long, or 10 ms where there would be very many: velocities
     [mm/s], or positions [mm] in recordings whose motion is so small that a velocity would be rounding. Recordings compared by
     velocity come first.
 
@@ -65,7 +64,7 @@ class Bench:
     """
 
     def __init__(self, recordings: Sequence[Recording], pool: ThreadPool, settings: Settings) -> None:
-        prepared = in_rows([comparable(r, settings) for r in recordings], settings)
+        prepared = in_rows([merged(comparable(r, settings)) for r in recordings], settings)
         order = sorted(range(len(prepared)), key=lambda i: prepared[i].positions)
         self.recordings = [recordings[i] for i in order]
         self.runs = [prepared[i] for i in order]
@@ -146,10 +145,10 @@ class Bench:
         pushes
             Additional forces on the carts [V] per recording, ndarray, shape (2, n).
         """
-        parts = []
+        parts, across = [], self.pool.map if self.pool.free else None
         for which, batch in self._batches:
             force = None if pushes is None else list(pushes[which])
-            parts.append(batch.residual(values, np.zeros(len(batch.runs)), pushes=force))
+            parts.append(batch.residual(values, np.zeros(len(batch.runs)), pushes=force, across=across))
         return np.concatenate(parts)
 
     def residuals(self, many: Sequence[Values]) -> list[FloatArray]:

@@ -1,13 +1,15 @@
 """A thread pool whose tasks may use it.
 
 A pool of the standard library waits for itself where one of its tasks maps over it. But fits that are compared take different
-times, and the derivatives of each are several simulations. So the thread that maps works, too, and those that are free help.
+times, and the derivatives of each are several simulations. So the thread that maps works, too, those that are free help, and
+while one waits for another's last item, a further one works in its place.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
+from threading import Condition
 from typing import Any, TypeVar
 
 T = TypeVar("T")
@@ -23,9 +25,14 @@ class ThreadPool(ThreadPoolExecutor):
     """
 
     def __init__(self, threads: int) -> None:
-        # a pool has one thread at least, even where it has nothing to do
-        super().__init__(max(threads - 1, 1))
-        self._others = threads - 1
+        # threads that wait do not work, and need another in their place
+        super().__init__(2 * threads)
+        self._most, self._working, self._changed = threads, 1, Condition()
+
+    @property
+    def free(self) -> bool:
+        """Whether fewer threads work at present than may."""
+        return self._working < self._most
 
     def map(
         self,
@@ -52,12 +59,33 @@ class ThreadPool(ThreadPoolExecutor):
                 list(left)
                 raise
 
-        others = [self.submit(work) for _ in range(min(self._others, len(todo) - 1))]
+        def help_out() -> None:
+            self._begin()
+            try:
+                work()
+            finally:
+                self._end()
+
+        others = [self.submit(help_out) for _ in range(min(self._most, len(todo)) - 1)]
         try:
             work()
         finally:
             # who has not begun is not waited for
             begun = [other for other in others if not other.cancel()]
+            if begun:
+                self._end()
+                wait(begun)
+                self._begin()
         for other in begun:
             other.result()
         return (found[i] for i in range(len(todo)))
+
+    def _begin(self) -> None:
+        with self._changed:
+            self._changed.wait_for(lambda: self.free)
+            self._working += 1
+
+    def _end(self) -> None:
+        with self._changed:
+            self._working -= 1
+            self._changed.notify()
