@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.signal import resample_poly
@@ -145,7 +146,7 @@ def merged(run: Run) -> Run:
     edges = np.arange(0, n, k)
     last = edges[-1] + 1
 
-    def over(x: FloatArray) -> FloatArray:
+    def over(x: Any) -> Any:
         # of the samples since the one before; of the first there is none
         return x[1:last].reshape(-1, k)
 

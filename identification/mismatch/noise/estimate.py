@@ -29,11 +29,12 @@ import numpy as np
 from scipy.optimize import minimize
 
 from flexdrive_gym.recording import FloatArray
-from identification.mismatch.fitting.bench import Across, Bench, Columns, Rows, SingleArray, Values
+from identification.mismatch.fitting.bench import Bench, Columns, Rows, SingleArray, Values
 from identification.mismatch.noise.friction import dry_level
 from identification.mismatch.noise.nuisance import Direction
 from identification.mismatch.noise.told import Told, inverse, scales
 from identification.mismatch.noise.whiten import Filter, transitions
+from identification.replay.lanes import Across
 
 # intensity of white forces [s^½], standard deviation of slow ones [1], relative to dry friction, and their time [s],
 # where a search begins; it ends anywhere within a factor of fifty, for which the prior below asks no more than a few units of

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexdrive_gym.recording import FloatArray
-from identification.mismatch.fitting.bench import Across, Bench, SingleArray
+from identification.mismatch.fitting.bench import Bench, SingleArray
 from identification.mismatch.fitting.score import scaled
 from identification.mismatch.noise.nuisance import Direction
+from identification.replay.lanes import Across
 
 # ridge relative to the diagonal of the information: what single precision does not resolve
 _RIDGE = 1e-9
