@@ -15,6 +15,8 @@ from identification.topology import Topology
 _NO_CANDIDATES = frozenset({"viscous_friction", "spring", "encoder_quantisation"})
 # of the measurement, too, where positions tell how velocities were made
 _FILTER = "velocity_processing"
+# shows no motion backwards
+_COUNTER = "rectified_sensor"
 # cut-offs that are tried [Hz]
 _CUTOFFS = (5.0, 15.0, 50.0)
 # shares of the largest command at which a limit is tried
@@ -97,7 +99,12 @@ def null_value(key: str) -> float:
 
 
 def catalogue(
-    topology: Topology, known: Collection[str] = (), reach: float | None = None, *, filtered: bool = False
+    topology: Topology,
+    known: Collection[str] = (),
+    reach: float | None = None,
+    *,
+    filtered: bool = False,
+    signed: Collection[str] = (),
 ) -> list[Candidate]:
     """Return every candidate for a drive.
 
@@ -111,6 +118,8 @@ def catalogue(
         Largest command [V]: a limit shows below it only. ``None``: the usual limits.
     filtered
         Whether velocities may have passed a filter of which nothing is known.
+    signed
+        Encoders that have shown motion both ways, which a counter without sign does not.
     """
     taken = {*known, *topology.free, *topology.fixed}
     found = []
@@ -119,7 +128,8 @@ def catalogue(
             continue
         for where in effect.where:
             keys = [effect.key(where, q.name) for q in effect.parameters]
-            if topology.offers(where) and not any(key in taken for key in keys):
+            shown = effect.id == _COUNTER and where in signed
+            if topology.offers(where) and not shown and not any(key in taken for key in keys):
                 found += _of(effect, where, topology, reach)
     return found
 

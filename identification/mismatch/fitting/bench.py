@@ -27,6 +27,8 @@ Columns = FloatArray | SingleArray
 Rows = TypeVar("Rows", FloatArray, SingleArray)
 # a cart that has moved by no more than a count, or so much of its way, within this time rests [s, 1]
 _REST_S, _STILL = 0.025, 1e-4
+# share of the squared velocity that is motion, and no noise, whatever its sign
+_BACKWARDS = 0.01
 # longest row [s]
 _LONGEST_S = 0.01
 
@@ -188,6 +190,18 @@ class Bench:
             if piece.cart == 1 and self.runs[piece.recording].positions:
                 # an encoder starts where it is
                 found[piece.rows] -= 1.0 * self.valid[piece.rows]
+        return found
+
+    @cached_property
+    def signed(self) -> set[str]:
+        """Return the encoders that have shown motion both ways."""
+        found = set()
+        for c in range(self.carts):
+            y = np.concatenate(
+                [run.measured[c][run.keep[c]] for run in self.runs if not run.positions] or [np.zeros(0)]
+            )
+            if min(float(np.sum(y[side] ** 2)) for side in (y > 0.0, y < 0.0)) > _BACKWARDS * float(np.sum(y**2)):
+                found.add(f"encoder_{c + 1}")
         return found
 
     @cached_property

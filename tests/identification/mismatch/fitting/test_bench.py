@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from flexdrive_gym import Drive, Recording
+from identification.mismatch.candidates.catalogue import catalogue
+from identification.topology import TWO_CARTS
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import KINDS, QUICK, T, bench_of, data_set
 
@@ -55,3 +57,19 @@ def test_a_long_day_has_rows_of_twice_the_length():
         # the last row is that of a single sample
         pairs = one[: 2 * len(other) - 2].reshape(-1, 2)
         np.testing.assert_allclose(other[:-1], pairs.mean(axis=1), atol=1e-9)
+
+
+def test_a_command_that_changes_within_merged_samples_keeps_them_apart():
+    t = np.arange(2001) * 1e-3
+    slow = Recording("slow", t, np.sin(2.0 * np.pi * t), v1=np.zeros(len(t)), v2=np.zeros(len(t)))
+    fast = replace(slow, name="fast", u=np.random.default_rng(0).choice([-1.0, 1.0], len(t)))
+    with bench_of([slow, fast]) as bench:
+        assert [run.sample_time for run in bench.runs] == pytest.approx([2e-3, 1e-3])
+
+
+def test_an_encoder_that_has_shown_motion_both_ways_has_a_sign():
+    t = np.arange(2000) * 1e-3
+    v = 50.0 * np.sin(2.0 * np.pi * t)
+    with bench_of([Recording("run", t, v, v1=v, v2=np.abs(v))]) as bench:
+        assert bench.signed == {"encoder_1"}
+    assert {c.where for c in catalogue(TWO_CARTS, signed={"encoder_1"}) if c.id == "rectified_sensor"} == {"encoder_2"}
