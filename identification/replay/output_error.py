@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy.signal import resample_poly
@@ -23,11 +22,9 @@ from identification.floor import period_samples, run_variance
 from identification.signals import motions
 
 BLOCK_S = 0.005
-# longest step of a simulation [s]: against steps of 0.1 ms the lab's velocities differ by 3e-4 mm/s rms at most, by 2e-3 where a
+# longest step of a simulation [s]: against steps of 0.1 ms the lab's velocities differ by 2e-4 mm/s rms at most, by 1e-3 where a
 # coupling has play
-PHYSICS_S = 2.3e-3
-# share of a command that may lie between merged samples (rms): a sine of 20 Hz has 6 % within 2 ms
-_FAST = 0.1
+PHYSICS_S = 2e-3
 # how finely a command is told between samples, where it was not held [s]
 _FINE_S = 1e-3
 # a drive that shows more than this has run away [mm, mm/s]
@@ -133,36 +130,6 @@ def prepare(recording: Recording) -> Run:
     track = _track(recording, v, keep)
     quanta: tuple[float, ...] = recording.quantum[: len(v)]
     return Run(recording.name, u, h, v, keep, start, recording.velocity_cutoff, floor, track, quanta, fine=fine)
-
-
-def merged(run: Run) -> Run:
-    """Return a run whose neighbouring samples are one, as long as a step of the simulation may be.
-
-    A fast recording takes many steps that its motion does not need. The commands of a merged sample act as their mean, and raw
-    differences over neighbouring samples add up to that over both. A run whose command changes much between neighbouring samples,
-    or that has a filter or a command of its own between the samples, stays as it is.
-    """
-    k, n = int(PHYSICS_S / run.sample_time), len(run.u)
-    if k < 2 or run.fine is not None or run.cutoff:
-        return run
-    within = run.u[: n // k * k].reshape(-1, k)
-    if float(np.sum((within - within.mean(axis=1, keepdims=True)) ** 2)) > _FAST**2 * float(np.sum(run.u**2)):
-        return run
-    edges = np.arange(0, n, k)
-    last = edges[-1] + 1
-
-    def over(x: Any) -> Any:
-        # of the samples since the one before; of the first there is none
-        return x[1:last].reshape(-1, k)
-
-    return replace(
-        run,
-        u=np.add.reduceat(run.u, edges) / (np.minimum(edges + k, n) - edges),
-        sample_time=k * run.sample_time,
-        measured=[x[edges] if run.positions else np.append(x[0], over(x).mean(axis=1)) for x in run.measured],
-        keep=[x[edges] if run.positions else np.append(x[0], over(x).all(axis=1)) for x in run.keep],
-        track=np.ascontiguousarray(run.track[:, edges]),
-    )
 
 
 def _speed(x: FloatArray, h: float) -> float:

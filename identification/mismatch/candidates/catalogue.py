@@ -15,8 +15,6 @@ from identification.topology import Topology
 _NO_CANDIDATES = frozenset({"viscous_friction", "spring", "encoder_quantisation"})
 # of the measurement, too, where positions tell how velocities were made
 _FILTER = "velocity_processing"
-# shows no motion backwards
-_COUNTER = "rectified_sensor"
 # cut-offs that are tried [Hz]
 _CUTOFFS = (5.0, 15.0, 50.0)
 # shares of the largest command at which a limit is tried
@@ -99,12 +97,7 @@ def null_value(key: str) -> float:
 
 
 def catalogue(
-    topology: Topology,
-    known: Collection[str] = (),
-    reach: float | None = None,
-    *,
-    filtered: bool = False,
-    signed: Collection[str] = (),
+    topology: Topology, known: Collection[str] = (), reach: float | None = None, *, filtered: bool = False
 ) -> list[Candidate]:
     """Return every candidate for a drive.
 
@@ -118,8 +111,6 @@ def catalogue(
         Largest command [V]: a limit shows below it only. ``None``: the usual limits.
     filtered
         Whether velocities may have passed a filter of which nothing is known.
-    signed
-        Encoders that have shown motion both ways, which a counter without sign does not.
     """
     taken = {*known, *topology.free, *topology.fixed}
     found = []
@@ -128,8 +119,7 @@ def catalogue(
             continue
         for where in effect.where:
             keys = [effect.key(where, q.name) for q in effect.parameters]
-            shown = effect.id == _COUNTER and where in signed
-            if topology.offers(where) and not shown and not any(key in taken for key in keys):
+            if topology.offers(where) and not any(key in taken for key in keys):
                 found += _of(effect, where, topology, reach)
     return found
 

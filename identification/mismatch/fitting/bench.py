@@ -18,7 +18,7 @@ from identification.mismatch.fitting.thread_pool import ThreadPool
 from identification.mismatch.settings import Settings
 from identification.replay.batch import RunBatch
 from identification.replay.lanes import Across
-from identification.replay.output_error import BLOCK_S, Run, merged, prepare
+from identification.replay.output_error import Run, prepare
 
 Values = Mapping[str, float]
 SingleArray = NDArray[np.float32]
@@ -27,10 +27,6 @@ Columns = FloatArray | SingleArray
 Rows = TypeVar("Rows", FloatArray, SingleArray)
 # a cart that has moved by no more than a count, or so much of its way, within this time rests [s, 1]
 _REST_S, _STILL = 0.025, 1e-4
-# share of the squared velocity that is motion, and no noise, whatever its sign
-_BACKWARDS = 0.01
-# longest row [s]
-_LONGEST_S = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,9 +49,9 @@ class Piece:
 class Bench:
     """Recordings of one drive, and the residuals of any drive against them.
 
-    Rows are block means of measured minus simulated motion, about 5 ms long, up to 10 ms where there would be very many:
-    velocities [mm/s], or positions [mm] in recordings whose motion is so small that a velocity would be rounding. Recordings
-    compared by velocity come first.
+    Rows are block means of measured minus simulated motion, 5 ms long, or 10 ms where there would be very many: velocities
+    [mm/s], or positions [mm] in recordings whose motion is so small that a velocity would be rounding. Recordings compared by
+    velocity come first.
 
     Parameters
     ----------
@@ -68,7 +64,7 @@ class Bench:
     """
 
     def __init__(self, recordings: Sequence[Recording], pool: ThreadPool, settings: Settings) -> None:
-        prepared = in_rows([merged(comparable(r, settings)) for r in recordings], settings)
+        prepared = in_rows([comparable(r, settings) for r in recordings], settings)
         order = sorted(range(len(prepared)), key=lambda i: prepared[i].positions)
         self.recordings = [recordings[i] for i in order]
         self.runs = [prepared[i] for i in order]
@@ -193,18 +189,6 @@ class Bench:
         return found
 
     @cached_property
-    def signed(self) -> set[str]:
-        """Return the encoders that have shown motion both ways."""
-        found = set()
-        for c in range(self.carts):
-            y = np.concatenate(
-                [run.measured[c][run.keep[c]] for run in self.runs if not run.positions] or [np.zeros(0)]
-            )
-            if min(float(np.sum(y[side] ** 2)) for side in (y > 0.0, y < 0.0)) > _BACKWARDS * float(np.sum(y**2)):
-                found.add(f"encoder_{c + 1}")
-        return found
-
-    @cached_property
     def signal(self) -> FloatArray:
         """Return the mean square of what was measured, per piece, shape (pieces,)."""
         found = []
@@ -290,12 +274,10 @@ def comparable(recording: Recording, settings: Settings) -> Run:
 
 
 def in_rows(runs: Sequence[Run], settings: Settings) -> list[Run]:
-    """Return runs with rows so long that there are not too many of them, but no longer than 10 ms."""
-    total = sum(len(run.keep) * len(run.u) / run.block for run in runs)
-    longer = min(max(1.0, total / settings.rows), _LONGEST_S / BLOCK_S)
-    if longer == 1.0:
+    """Return runs with rows as they are, or twice as long where there would be too many."""
+    if sum(len(run.keep) * len(run.u) // run.block for run in runs) <= settings.rows:
         return list(runs)
-    return [replace(run, block_s=np.ceil(longer * run.block - 1e-9) * run.sample_time) for run in runs]
+    return [replace(run, block_s=2.0 * run.block_s) for run in runs]
 
 
 def _layout(runs: Sequence[Run]) -> tuple[list[Piece], BoolArray]:

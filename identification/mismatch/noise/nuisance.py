@@ -179,13 +179,11 @@ def _of_readings(bench: Bench, values: Values) -> list[Direction]:
 
 def _later(bench: Bench, values: Values) -> FloatArray:
     """Return how the rows change where a recording's command comes a sample later, shape (N,)."""
-    # those of the rig: here samples may be merged
-    times = [recording.sample_time for recording in bench.recordings]
-    least = min(times)
+    least = min(run.sample_time for run in bench.runs)
     delayed = {**values, "input_delay.tau": values.get("input_delay.tau", 0.0) + least}
     change = bench.residual(delayed) - bench.residual(values)
-    for rows, time in zip(bench.rows, times, strict=True):
-        change[rows] *= time / least
+    for rows, run in zip(bench.rows, bench.runs, strict=True):
+        change[rows] *= run.sample_time / least
     return change
 
 

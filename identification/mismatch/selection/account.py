@@ -89,9 +89,7 @@ class Account:
             *candidate_starts(model, around, table, candidates, order, model.bench.settings.proposals),
             *((c, {**model.values, **own}) for c, own in seen(model)),
         ]
-        best = min(
-            (f for _, f in fit_candidates(model, quiet, jobs, enough=0.0).values()), key=lambda f: f.cost, default=model
-        )
+        best = min((f for _, f in fit_candidates(model, quiet, jobs).values()), key=lambda f: f.cost, default=model)
         other = Account.of(best, quiet, phases, candidates)
         more = len(best.names) - len(model.names)
         return other if other.noise.cost + WORTH * more < self.noise.cost else self

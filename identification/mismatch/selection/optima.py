@@ -23,9 +23,6 @@ from identification.topology import Topology
 WORTH = 2.0
 # iterations of a first try from every start, and the share of a start's sizes that a second one has
 _TRY = 4
-# starts of a candidate that are tried: of 4 to 15 the best end was that of one of the four nearest, but for less than one unit
-# of log-likelihood, in 53 cases of four development data sets; on the servo axis presliding needs more than three
-_STARTS = 6
 _SMALL = 0.1
 # finite difference that sees over rests and slips, in scaled coordinates
 _LONG = 0.05
@@ -96,29 +93,10 @@ def nearest(
     return {**fits, **{n: own for n, own in others.items() if n not in fits or own[1].cost < fits[n][1].cost}}
 
 
-def _nearest(jobs: Sequence[tuple[Candidate, Values]], noise: Metric, bench: Bench) -> list[tuple[Candidate, Values]]:
-    """Return the starts of every candidate that are nearest to the data, in their order."""
-    found: dict[Name, list[int]] = {}
-    for i, (candidate, _) in enumerate(jobs):
-        found.setdefault(candidate.name, []).append(i)
-
-    def cost(i: int) -> float:
-        white = noise.white(bench.residual(jobs[i][1]))
-        return float(white @ white)
-
-    def few(own: list[int]) -> list[int]:
-        if len(own) <= _STARTS:
-            return own
-        costs = dict(zip(own, bench.pool.map(cost, own), strict=True))
-        return sorted(own, key=costs.__getitem__)[:_STARTS]
-
-    return [jobs[i] for i in sorted(i for own in found.values() for i in few(own))]
-
-
 def _tried(base: Fit, noise: Metric, jobs: Sequence[tuple[Candidate, Values]]) -> dict[Name, tuple[Candidate, Fit]]:
     """Return the best first try of every candidate."""
     bench = base.bench
-    jobs = _nearest([job for job in jobs if resolved(job[1])], noise, bench)
+    jobs = [job for job in jobs if resolved(job[1])]
     white = noise.white(base.residual)
     contained = float(white @ white)
 

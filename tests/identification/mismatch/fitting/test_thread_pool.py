@@ -32,6 +32,20 @@ def test_as_many_threads_work_as_were_asked_for():
         assert set(pool.map(lambda _: threading.get_ident(), range(5))) == {threading.get_ident()}
 
 
+def test_while_one_waits_for_anothers_last_item_a_further_one_works():
+    """Items that wait for each other: one thread alone would never end them."""
+    begun, both, mine = threading.Barrier(2), threading.Barrier(2), threading.get_ident()
+
+    def item(_):
+        begun.wait(5.0)
+        return [] if threading.get_ident() == mine else list(pool.map(lambda _: both.wait(5.0), range(2)))
+
+    with ThreadPool(2) as pool:
+        assert sorted(map(sorted, pool.map(item, range(2)))) == [[], [0, 1]]
+        # the thread that maps works; the other has nothing to do
+        assert pool.free
+
+
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
 def test_an_error_in_any_thread_ends_all_of_them(error):
     """An interrupted diagnosis must not finish the fits that nobody asks for any more."""

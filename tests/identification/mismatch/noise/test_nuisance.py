@@ -20,7 +20,7 @@ def test_a_command_may_fall_anywhere_within_a_sample(bench):
     (instant,) = [d for d in directions(bench, RIG) if d.group == "sampling instant"]
     assert instant.size == pytest.approx(INSTANT)
     # to first order a delay is minus the rate of the motion
-    h = bench.recordings[0].sample_time
+    h = bench.runs[0].sample_time
     late = bench.residual({**RIG, "input_delay.tau": 0.3 * h}) - bench.residual(RIG)
     assert np.linalg.norm(late - 0.3 * instant.change) < 0.2 * np.linalg.norm(late)
 
