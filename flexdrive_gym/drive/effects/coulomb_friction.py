@@ -20,7 +20,7 @@ EFFECT = Effect(
     id="coulomb_friction",
     where=("cart_1", "cart_2"),
     equation="F ∈ -d·Sgn(v),  Sgn(0) = [-1, 1]",
-    parameters=(Parameter("d", "V", 0.0, 0.0, 8.0, "Coulomb friction level", (0.3,)),),
+    parameters=(Parameter("d", "V", 0.0, 0.0, 8.0, "Coulomb friction level", (0.3, 1.0, 0.1)),),
     hooks={"friction": _friction},
     tells_itself_by="offset of the steady velocity against u; standstill below a threshold",
     looks_like=("dead_zone",),

@@ -37,7 +37,7 @@ EFFECT = Effect(
     ),
     hooks={"damping": _damping},
     tells_itself_by="the steady velocity grows faster than the command, and nothing holds at rest",
-    looks_like=("quadratic_drag", "viscous_friction", "stribeck"),
+    looks_like=("quadratic_drag", "viscous_friction", "stribeck", "coulomb_friction"),
     separating_experiment="plateaus at many levels from near zero to full command",
     reference="H. Olsson et al., Friction models and friction compensation, European Journal of Control 4, 1998",
     order=2,

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import isfinite
 
 from flexdrive_gym.drive.effects import EFFECTS, LAYOUT, Effect, Parameter
 from flexdrive_gym.drive.parameters import parameter
+from identification.mismatch.fitting.scale import Scale
 from identification.topology import Topology
 
 # part of every topology, or of the measurement rather than of the rig
@@ -97,7 +98,12 @@ def null_value(key: str) -> float:
 
 
 def catalogue(
-    topology: Topology, known: Collection[str] = (), reach: float | None = None, *, filtered: bool = False
+    topology: Topology,
+    known: Collection[str] = (),
+    reach: float | None = None,
+    scale: Scale = Scale(),  # noqa: B008
+    *,
+    filtered: bool = False,
 ) -> list[Candidate]:
     """Return every candidate for a drive.
 
@@ -109,6 +115,8 @@ def catalogue(
         Parameters the model already has; their effects are no candidates.
     reach
         Largest command [V]: a limit shows below it only. ``None``: the usual limits.
+    scale
+        Of what is usual; default: that of the handout's rig.
     filtered
         Whether velocities may have passed a filter of which nothing is known.
     """
@@ -120,11 +128,11 @@ def catalogue(
         for where in effect.where:
             keys = [effect.key(where, q.name) for q in effect.parameters]
             if topology.offers(where) and not any(key in taken for key in keys):
-                found += _of(effect, where, topology, reach)
+                found += _of(effect, where, topology, reach, scale)
     return found
 
 
-def _of(effect: Effect, where: str, topology: Topology, reach: float | None) -> list[Candidate]:
+def _of(effect: Effect, where: str, topology: Topology, reach: float | None, scale: Scale) -> list[Candidate]:
     sizes = [q for q in effect.parameters if q.role == "size"]
     shapes = [q for q in effect.parameters if q.role == "shape"]
     if topology.carts == 1:
@@ -141,14 +149,15 @@ def _of(effect: Effect, where: str, topology: Topology, reach: float | None) -> 
     )
     masses = {effect.key(where, name): base for name, base in _PARTS.get(effect.id, {}).items()}
     found = []
-    grids = [[(effect.key(where, q.name), v) for v in q.starts] for q in shapes]
+    grids = [[(effect.key(where, q.name), v) for v in _scaled(q, q.starts, scale)] for q in shapes]
     for start in product(*grids):
         # at zero a shape that cannot be negative is none: a fit sees its logarithm
         chosen = tuple((key, v) for key, v in start if v != 0.0 or parameter(key).lower < 0.0)
         for group in _groups(sizes):
-            levels = max(len(_levels(q)) for q in group)
+            levels = max(len(_levels(q, scale)) for q in group)
             for level in range(levels):
-                own = tuple((effect.key(where, q.name), _levels(q)[min(level, len(_levels(q)) - 1)]) for q in group)
+                usual = [(effect.key(where, q.name), _levels(q, scale)) for q in group]
+                own = tuple((key, sizes[min(level, len(sizes) - 1)]) for key, sizes in usual)
                 parts = tuple((key, masses[key]) for key, _ in own if key in masses)
                 found.append(Candidate(effect.id, where, own, chosen, takes, parts))
     return found
@@ -161,9 +170,15 @@ def _groups(sizes: list[Parameter]) -> list[list[Parameter]]:
     return single if len(single) < 2 or waves else [*single, sizes]
 
 
-def _levels(q: Parameter) -> tuple[float, ...]:
+def _levels(q: Parameter, scale: Scale) -> tuple[float, ...]:
     """Sizes at which a sensitivity is taken: non-linear effects look different when small."""
-    return tuple(sorted({abs(v) for v in q.starts}))
+    return tuple(sorted({abs(v) for v in _scaled(q, q.starts, scale)}))
+
+
+def _scaled(q: Parameter, usual: Sequence[float], scale: Scale) -> tuple[float, ...]:
+    """Return usual values on a rig, within bounds, each once."""
+    factor = scale.of_unit(q.unit)
+    return tuple(dict.fromkeys(min(max(factor * v, q.lower), q.upper) for v in usual))
 
 
 def look_alikes(effect: str) -> set[str]:

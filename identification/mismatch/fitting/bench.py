@@ -14,6 +14,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from flexdrive_gym.drive.effects import LAYOUT
 from flexdrive_gym.recording import BoolArray, FloatArray, Recording
 from identification.mismatch.fitting.experiments import IntArray, experiments
+from identification.mismatch.fitting.scale import Scale
 from identification.mismatch.fitting.thread_pool import ThreadPool
 from identification.mismatch.settings import Settings
 from identification.replay.batch import RunBatch
@@ -118,6 +119,11 @@ class Bench:
     def carts(self) -> int:
         """How many carts are simulated."""
         return len(self.runs[0].measured)
+
+    @cached_property
+    def scale(self) -> Scale:
+        """Return how large commands and motions are beside those of the handout's experiments."""
+        return Scale.of(self.runs)
 
     @cached_property
     def bounds(self) -> dict[str, tuple[float, float]]:

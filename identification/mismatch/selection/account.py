@@ -19,7 +19,7 @@ from identification.mismatch.selection.optima import WORTH, fit_candidates
 from identification.mismatch.selection.ripples import ripples
 from identification.mismatch.selection.start import Start, candidate_starts
 
-# least force of a free function, absolute [V] and over dry friction
+# least force of a free function, for commands as in the handout [V], and over dry friction
 _FORCE, _SHARE = 0.05, 0.1
 
 
@@ -107,4 +107,6 @@ class Account:
 def sensitivities(bench: Bench, noise: Noise, model: Fit, candidates: Sequence[Candidate]) -> Linear:
     """Return the sensitivities of all candidates and of free functions around a model."""
     level = max(dry_level(model.values, c) for c in range(bench.carts))
-    return linearise(bench, noise, model, candidates, shapes(bench, model.values, max(_FORCE, _SHARE * level)))
+    return linearise(
+        bench, noise, model, candidates, shapes(bench, model.values, max(_FORCE * bench.scale.command, _SHARE * level))
+    )

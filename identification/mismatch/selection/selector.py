@@ -107,7 +107,7 @@ class Selector:
         self.known = dict(known)
         reach = max(float(np.max(np.abs(run.u))) for run in bench.runs)
         filtered = all(run.cutoff is None for run in bench.runs)
-        self.candidates = catalogue(topology, self.known, reach or None, filtered=filtered)
+        self.candidates = catalogue(topology, self.known, reach or None, bench.scale, filtered=filtered)
 
     def run(self) -> Selection:
         """Return the selected effects."""
