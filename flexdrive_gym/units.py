@@ -1,6 +1,6 @@
 r"""Units of a rig, and the scale on which the drive is simulated.
 
-The equations are free of scale, but step tolerances and the catalogue's usual sizes are those of the lab: volts, millimetres,
+The equations are free of scale, but step tolerances and the catalogue's bounds are those of the lab: volts, millimetres,
 seconds. A rig that is measured in radians and newton metres is brought to that scale by a choice of units: with :math:`L`
 of the engine's millimetres in one unit of length, :math:`U` of its volts in one of command and :math:`T` of its seconds in one
 second, every equation keeps its form, and a figure of dimension :math:`V^a\,mm^b\,s^c` is divided by :math:`U^a L^b T^c` on
