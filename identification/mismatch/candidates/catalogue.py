@@ -9,7 +9,7 @@ from math import isfinite
 
 from flexdrive_gym.drive.effects import EFFECTS, LAYOUT, Effect, Parameter
 from flexdrive_gym.drive.parameters import parameter
-from identification.mismatch.fitting.scale import Scale
+from identification.mismatch.fitting.scale import HANDOUT, Scale
 from identification.topology import Topology
 
 # part of every topology, or of the measurement rather than of the rig
@@ -101,7 +101,7 @@ def catalogue(
     topology: Topology,
     known: Collection[str] = (),
     reach: float | None = None,
-    scale: Scale = Scale(),  # noqa: B008
+    scale: Scale = HANDOUT,
     *,
     filtered: bool = False,
 ) -> list[Candidate]:

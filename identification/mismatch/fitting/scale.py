@@ -33,7 +33,7 @@ class Scale:
         """Return the scale of prepared recordings."""
         carts = range(len(runs[0].keep))
         moving = [run for run in runs if not run.positions]
-        speeds = [_rms([run.measured[c] for run in moving]) for c in carts]
+        speeds = [_rms([run.measured[c][run.keep[c]] for run in moving]) for c in carts]
         ways = [float(np.ptp(run.track[c])) for run in runs for c in carts]
         return cls(
             _steps(_rms([run.u for run in runs]) / _COMMAND), _steps(max(speeds) / _VELOCITY), _steps(max(ways) / _WAY)
@@ -45,8 +45,14 @@ class Scale:
         return 1.0 if unit in _TIMES else units.one(unit)
 
 
+# that of the handout's rig
+HANDOUT = Scale()
+
+
 def _rms(signals: Sequence[FloatArray]) -> float:
-    return float(np.sqrt(np.nanmean(np.concatenate(signals) ** 2))) if signals else 0.0
+    """Return the root mean square of all that is known of some signals; 0 where nothing is."""
+    known = np.concatenate([x[np.isfinite(x)] for x in signals]) if signals else np.zeros(0)
+    return float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
 
 
 def _steps(ratio: float) -> float:

@@ -6,17 +6,32 @@ import numpy as np
 import pytest
 
 from identification.mismatch.candidates.catalogue import catalogue
-from identification.mismatch.fitting.scale import Scale
+from identification.mismatch.fitting.scale import HANDOUT, Scale
 from identification.topology import TWO_CARTS, Topology
 from tests.drive.drives import RIG
-from tests.identification.mismatch.lab import KINDS, bench_of, data_set
+from tests.identification.mismatch.lab import KINDS, T, bench_of, data_set
 
 TENTH = Scale(command=0.1)
 
 
 def test_the_handouts_experiments_have_the_scale_of_the_handout():
     with bench_of(data_set()) as bench:
-        assert bench.scale == Scale()
+        assert bench.scale == HANDOUT
+
+
+def test_a_faulty_encoder_says_nothing_of_the_speed():
+    with bench_of(data_set(kinds=KINDS[:2])) as bench:
+        odd = np.arange(len(T)) % 2 == 1
+        runs = [replace(r, measured=[np.where(odd, 1e6, v) for v in r.measured], keep=[~odd] * 2) for r in bench.runs]
+    assert Scale.of(runs) == HANDOUT
+
+
+def test_where_nothing_moves_the_scale_is_that_of_the_handout():
+    with bench_of(data_set(kinds=KINDS[:1])) as bench:
+        still = [
+            replace(r, u=0.0 * r.u, measured=[0.0 * v for v in r.measured], track=0.0 * r.track) for r in bench.runs
+        ]
+    assert Scale.of(still) == HANDOUT
 
 
 def test_a_rig_that_takes_a_tenth_of_the_force_has_effects_of_a_tenth():
