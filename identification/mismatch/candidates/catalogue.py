@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from itertools import product
 from math import isfinite
@@ -149,7 +149,7 @@ def _of(effect: Effect, where: str, topology: Topology, reach: float | None, sca
     )
     masses = {effect.key(where, name): base for name, base in _PARTS.get(effect.id, {}).items()}
     found = []
-    grids = [[(effect.key(where, q.name), v) for v in _scaled(q, q.starts, scale)] for q in shapes]
+    grids = [[(effect.key(where, q.name), v) for v in _usual(q, scale)] for q in shapes]
     for start in product(*grids):
         # at zero a shape that cannot be negative is none: a fit sees its logarithm
         chosen = tuple((key, v) for key, v in start if v != 0.0 or parameter(key).lower < 0.0)
@@ -172,13 +172,13 @@ def _groups(sizes: list[Parameter]) -> list[list[Parameter]]:
 
 def _levels(q: Parameter, scale: Scale) -> tuple[float, ...]:
     """Sizes at which a sensitivity is taken: non-linear effects look different when small."""
-    return tuple(sorted({abs(v) for v in _scaled(q, q.starts, scale)}))
+    return tuple(sorted({abs(v) for v in _usual(q, scale)}))
 
 
-def _scaled(q: Parameter, usual: Sequence[float], scale: Scale) -> tuple[float, ...]:
+def _usual(q: Parameter, scale: Scale) -> tuple[float, ...]:
     """Return usual values on a rig, within bounds, each once."""
     factor = scale.of_unit(q.unit)
-    return tuple(dict.fromkeys(min(max(factor * v, q.lower), q.upper) for v in usual))
+    return tuple(dict.fromkeys(min(max(factor * v, q.lower), q.upper) for v in q.starts))
 
 
 def look_alikes(effect: str) -> set[str]:

@@ -36,7 +36,9 @@ class Scale:
         speeds = [_rms([run.measured[c][run.keep[c]] for run in moving]) for c in carts]
         ways = [float(np.ptp(run.track[c])) for run in runs for c in carts]
         return cls(
-            _steps(_rms([run.u for run in runs]) / _COMMAND), _steps(max(speeds) / _VELOCITY), _steps(max(ways) / _WAY)
+            _decade(_rms([run.u for run in runs]) / _COMMAND),
+            _decade(max(speeds) / _VELOCITY),
+            _decade(max(ways) / _WAY),
         )
 
     def of_unit(self, unit: str) -> float:
@@ -55,6 +57,6 @@ def _rms(signals: Sequence[FloatArray]) -> float:
     return float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
 
 
-def _steps(ratio: float) -> float:
+def _decade(ratio: float) -> float:
     """Return a ratio as a power of ten; 1 where nothing tells it."""
     return float(10.0 ** round(float(np.log10(ratio)))) if ratio > 0.0 else 1.0

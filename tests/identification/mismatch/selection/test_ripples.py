@@ -49,7 +49,7 @@ def test_where_there_is_no_ripple_none_is_taken_for_one():
 
 def test_what_all_recordings_share_is_no_noise():
     """A constant force that every recording has is not put down to slow forces, which would hide it."""
-    with bench_of(data_set({"input_offset.u0": 0.15})) as bench:
+    with bench_of(data_set({"input_offset.u0": 0.1})) as bench:
         linear = around(bench, {"input_offset"})
         base, found = linear.model, directions(bench, linear.model.values)
         alone, beside = (
@@ -59,7 +59,7 @@ def test_what_all_recordings_share_is_no_noise():
 
 
 def test_what_predicts_other_experiments_is_taken_out():
-    with bench_of(data_set({"input_offset.u0": 0.15})) as bench:
+    with bench_of(data_set({"input_offset.u0": 0.1})) as bench:
         linear = around(bench, {"input_offset"})
         left, noise = left_by(linear), linear.noise
         before, after = (float(np.sum(noise.white(x) ** 2)) for x in (linear.model.residual, left))
