@@ -36,6 +36,8 @@ class Metric(Protocol):
 
 
 _MASSES = frozenset({"m1", "m2", "k"})
+# of the lighter cart's: a mass of its own that is less moves with its cart, or follows the command, as far as anyone sees
+_LEAST_MASS = 0.01
 _LONGEST_STEP = 0.7
 
 
@@ -126,7 +128,7 @@ class Coordinates:
         self.names = tuple(names)
         self.log = np.array([_logarithmic(n) for n in names], dtype=bool)
         self.scale = np.array([_typical(n, start) for n in names])
-        limits = [(bounds or {}).get(n, (parameter(n).lower, parameter(n).upper)) for n in names]
+        limits = [(bounds or {}).get(n, (_least(n, start), parameter(n).upper)) for n in names]
         self.lower, self.upper = low, high = np.array(limits, dtype=np.float64).reshape(-1, 2).T
         with np.errstate(divide="ignore"):
             self.low = np.where(self.log, np.log(np.maximum(low, 1e-300)), low / self.scale)
@@ -155,6 +157,13 @@ def _logarithmic(name: str) -> bool:
         return True
     q = LAYOUT[name].parameter
     return (q.role == "shape" and q.lower >= 0.0) or not isfinite(q.null)
+
+
+def _least(name: str, start: Values) -> float:
+    q = parameter(name)
+    if name in _MASSES or q.unit != parameter("m1").unit:
+        return q.lower
+    return max(q.lower, _LEAST_MASS * min(start[m] for m in ("m1", "m2") if m in start))
 
 
 def _typical(name: str, start: Values) -> float:
