@@ -1,5 +1,7 @@
 """Output error: what a recording counts, and bounds that rounding does not cross."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from identification.mismatch.candidates.catalogue import catalogue
@@ -50,6 +52,23 @@ def test_a_ripple_with_a_phase_of_its_own_takes_off_what_its_amplitude_makes():
         )
     # a sine and a cosine of standard deviation 2 have the square 4 in every row
     assert np.isclose(share, 4.0 * np.sum(levels.weights**2) / best.cost)
+
+
+def test_what_brings_no_recording_nearer_that_is_left_out_takes_off_nothing():
+    """A constant force of each run, of either sign, makes a fit take some per cent off; one that all share is there."""
+    signs = {"all": (1, 1, 1, 1), "each": (1, -1, -1, 1)}
+    found = {}
+    for name, sign in signs.items():
+        runs = [data_set({"tilt.F": 0.05 * s}, kinds=[("sine", 2.5, 1.0 + 0.2 * i)])[0] for i, s in enumerate(sign)]
+        with bench_of([replace(r, name=f"run {i}") for i, r in enumerate(runs)]) as bench:
+            tilt = next(c for c in catalogue(TWO_CARTS) if c.name == ("tilt", "guide"))
+            levels = Levels.of(bench, bench.residual(RIG))
+            best = fit(bench, levels, {**RIG, **tilt.start}, ["b1", *tilt.keys])
+            less = fit(bench, levels, RIG, ["b1"])
+            found[name] = share_of_error(Scored(tilt, best, np.ones(4), 1), best), 1.0 - best.cost / less.cost
+    assert np.isclose(*found["all"])
+    assert found["all"][0] > 0.2
+    assert found["each"][0] == 0.0 < found["each"][1]
 
 
 def test_a_reading_of_the_wrong_scale_is_seen_in_the_deflection():
