@@ -61,7 +61,7 @@ class Settings:
     relevant
         Share of the squared output error that a finding takes off at least [1]. Neighbouring rows of 5 ms correlate by 0.97, so
         that 600 of the 40,000 of a data set are independent: of a hundred parameters that are fitted to nothing one takes off
-        more.
+        more. Friction that differs from run to run lasts longer, so recordings that are left out must gain, too.
     relevant_deflection
         The same of the deflection [1], whose error lasts until a cart moves on: a data set has a hundred independent ones, of
         which the best of a hundred parameters that are fitted to nothing takes off 2 ln(100) / 100.
