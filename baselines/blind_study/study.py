@@ -33,12 +33,12 @@ def conduct_study(
     scheduler: str | None = None,
     progress: Progress = lambda _done, _all: None,
 ) -> list[Mapping[str, Any]]:
-    """Run the trials that have no outcome yet; return the outcomes of all, in order.
+    """Run the trials that have no outcome yet, packed ones included; return the outcomes of all, in order.
 
     Parameters
     ----------
     folder
-        Holds ``study.json``, the sealed truths and the outcomes; with ``dask``, one that all workers see.
+        Holds ``study.json``, the sealed truths and the outcomes, or these packed; with ``dask``, one that all workers see.
     trials, seed
         What :func:`baselines.blind_study.plan.plan` is asked for.
     backend, jobs, scheduler
@@ -54,6 +54,7 @@ def conduct_study(
     chosen = plan(trials, seed)
     with workers(backend, jobs, scheduler) as run:
         _enter(folder, {"trials": trials, "seed": seed, "engine": engine()})
+        _unpack(folder, chosen)
         todo = [t for t in chosen if not opened(folder, t.number).exists()]
         done = len(chosen) - len(todo)
         progress(done, len(chosen))
@@ -115,6 +116,15 @@ def pack(folder: Path, found: Sequence[Mapping[str, Any]]) -> Path:
     lines = "".join(json.dumps(outcome) + "\n" for outcome in found)
     # without a time stamp: the same outcomes are the same file
     return write_atomically(folder / PACKED, gzip.compress(lines.encode(), mtime=0))
+
+
+def _unpack(folder: Path, trials: tuple[Trial, ...]) -> None:
+    """Write single outcomes where there are packed ones alone, so that a study that was published goes on."""
+    if (folder / PACKED).exists():
+        for outcome in outcomes(folder, trials):
+            file = opened(folder, outcome["trial"]["number"])
+            if not file.exists():
+                write_atomically(file, json.dumps(outcome))
 
 
 def _enter(folder: Path, wanted: Mapping[str, object]) -> None:

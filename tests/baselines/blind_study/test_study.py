@@ -3,6 +3,7 @@
 import hashlib
 import json
 import re
+import shutil
 import subprocess
 import sys
 
@@ -147,6 +148,17 @@ def test_a_study_is_told_from_its_packed_outcomes(quick, tmp_path):
     first = (tmp_path / "packed" / study.PACKED).read_bytes()
     study.pack(tmp_path / "packed", found)
     assert (tmp_path / "packed" / study.PACKED).read_bytes() == first
+
+
+def test_a_study_that_was_packed_goes_on(quick, tmp_path):
+    """Of a study that the clock stopped one file is published; whoever has the same code takes it up."""
+    begun = study.conduct_study(tmp_path, 4, backend="sequential")[:3]
+    study.pack(tmp_path, begun)
+    shutil.rmtree(one.opened(tmp_path, 0).parent)
+    quick.clear()
+    found = study.conduct_study(tmp_path, 4, backend="sequential")
+    assert quick == [3]
+    assert found[:3] == begun
 
 
 @each(
