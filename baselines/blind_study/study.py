@@ -33,7 +33,7 @@ def conduct_study(
     scheduler: str | None = None,
     progress: Progress = lambda _done, _all: None,
 ) -> list[Mapping[str, Any]]:
-    """Run the trials that have no outcome yet, packed ones included; return the outcomes of all, in order.
+    """Run the trials that have no outcome yet, neither single nor packed; return the outcomes of all, in order.
 
     Parameters
     ----------

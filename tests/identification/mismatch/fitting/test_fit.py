@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identification.mismatch.fitting.fit import fit, gain_of
+from identification.mismatch.fitting.fit import Coordinates, fit, gain_of
 from identification.mismatch.noise.estimate import first_noise
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import bench_of, data_set
@@ -21,6 +21,16 @@ def bench():
 def found(bench):
     start = {**RIG, "m1": 1.15 * RIG["m1"], "k": 0.9 * RIG["k"], "d1": 0.8 * RIG["d1"]}
     return fit(bench, first_noise(bench, RIG), start, NAMES)
+
+
+def test_a_motor_of_a_hundredth_of_its_cart_follows_the_command_as_far_as_encoders_tell(bench):
+    """It crosses a gap of 2 x 0.2 mm in less than 2 ms; what is lighter is none, and a fit does not go there."""
+    key, lighter = "motor_gear_backlash.mass", min(RIG["m1"], RIG["m2"])
+    motor = {key: 0.01 * lighter, "motor_gear_backlash.gap": 0.2, "motor_gear_backlash.kc": 20.0}
+    change = bench.residual({**RIG, **motor}) - bench.residual(RIG)
+    assert np.sqrt(np.mean(change[bench.valid] ** 2)) < np.sqrt(np.mean(bench.floor))
+    assert Coordinates([key], RIG).lower == pytest.approx(0.01 * lighter)
+    assert Coordinates(["m2"], RIG).lower < 1e-6
 
 
 def test_a_fit_finds_the_drive(found):

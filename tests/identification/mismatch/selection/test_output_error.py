@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from identification.mismatch.candidates.catalogue import catalogue
 from identification.mismatch.candidates.phases import Phase
@@ -54,21 +55,34 @@ def test_a_ripple_with_a_phase_of_its_own_takes_off_what_its_amplitude_makes():
     assert np.isclose(share, 4.0 * np.sum(levels.weights**2) / best.cost)
 
 
+def _of_constant_forces(*signs):
+    """Return the share of a tilt where each run has a constant force of such a sign, and what it takes off in sample."""
+    runs = [data_set({"tilt.F": 0.05 * s}, kinds=[("sine", 2.5, 1.0 + 0.2 * i)])[0] for i, s in enumerate(signs)]
+    with bench_of([replace(r, name=f"run {i}") for i, r in enumerate(runs)]) as bench:
+        tilt = next(c for c in catalogue(TWO_CARTS) if c.name == ("tilt", "guide"))
+        levels = Levels.of(bench, bench.residual(RIG))
+        best = fit(bench, levels, {**RIG, **tilt.start}, ["b1", *tilt.keys])
+        less = fit(bench, levels, RIG, ["b1"])
+        return share_of_error(Scored(tilt, best, np.ones(len(signs)), 1), best), 1.0 - best.cost / less.cost
+
+
 def test_what_brings_no_recording_nearer_that_is_left_out_takes_off_nothing():
-    """A constant force of each run, of either sign, makes a fit take some per cent off; one that all share is there."""
-    signs = {"all": (1, 1, 1, 1), "each": (1, -1, -1, 1)}
-    found = {}
-    for name, sign in signs.items():
-        runs = [data_set({"tilt.F": 0.05 * s}, kinds=[("sine", 2.5, 1.0 + 0.2 * i)])[0] for i, s in enumerate(sign)]
-        with bench_of([replace(r, name=f"run {i}") for i, r in enumerate(runs)]) as bench:
-            tilt = next(c for c in catalogue(TWO_CARTS) if c.name == ("tilt", "guide"))
-            levels = Levels.of(bench, bench.residual(RIG))
-            best = fit(bench, levels, {**RIG, **tilt.start}, ["b1", *tilt.keys])
-            less = fit(bench, levels, RIG, ["b1"])
-            found[name] = share_of_error(Scored(tilt, best, np.ones(4), 1), best), 1.0 - best.cost / less.cost
-    assert np.isclose(*found["all"])
-    assert found["all"][0] > 0.2
-    assert found["each"][0] == 0.0 < found["each"][1]
+    """Where as many runs are pushed forwards as backwards, whichever is left out is pushed against the others."""
+    left_out, in_sample = _of_constant_forces(1, 1, 1, 1)
+    assert np.isclose(left_out, in_sample)
+    assert in_sample > 0.9
+    left_out, in_sample = _of_constant_forces(1, -1, -1, 1)
+    assert left_out == 0.0 < in_sample
+
+
+@pytest.mark.xfail(
+    strict=True, reason="what a run loses is bounded by what the fit changes, not by what the others predict"
+)
+def test_of_three_forces_against_two_nothing_is_predicted():
+    """Their mean takes (1/5)² = 4 % off; left out, each of the two loses 1.5² - 1 of its square, and the three gain nothing."""
+    left_out, in_sample = _of_constant_forces(1, 1, 1, -1, -1)
+    assert 0.02 < in_sample < 0.08
+    assert left_out == 0.0
 
 
 def test_a_reading_of_the_wrong_scale_is_seen_in_the_deflection():
