@@ -155,6 +155,13 @@ def on_files(files: Any, *, config: Any) -> Any:
     return files
 
 
+def on_page_markdown(markdown: str, **_more: Any) -> str:
+    """Write formulas so that browsers draw them without a script."""
+    from docs.site.rst import formulas
+
+    return formulas(markdown)
+
+
 # Material would load this script, by which the search works in pages opened as files, from elsewhere
 _SHIM, _OWN_SHIM = "https://unpkg.com/iframe-worker/shim", "assets/iframe-worker.js"
 

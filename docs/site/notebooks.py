@@ -3,13 +3,10 @@
 import ast
 import contextlib
 import io
-import re
 from pathlib import Path
 from typing import Any
 
-from docs.site.rst import mathml
-
-_MATH = re.compile(r"\$([^$\n]+)\$")
+from docs.site.rst import formulas
 
 
 def _cells(file: Path) -> list[tuple[str, bool]]:
@@ -41,7 +38,7 @@ def page(file: Path, picture: Any) -> str:
         if is_text:
             said = ast.literal_eval(ast.parse(source).body[0].value.args[0])  # type: ignore[attr-defined]
             lines = "\n".join(line.removeprefix("    ") for line in said.strip("\n").splitlines())
-            parts.append(_MATH.sub(lambda m: mathml(m[1]), lines.strip()))
+            parts.append(formulas(lines.strip()))
             continue
         shown, printed = _run(source, space)
         parts.append(f"```python\n{source}\n```")

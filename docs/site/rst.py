@@ -1,4 +1,4 @@
-"""Docstrings are written in numpy's style with reStructuredText roles; this turns the roles and formulas into Markdown.
+"""Docstrings in numpy's style with reStructuredText roles, and formulas anywhere, as Markdown.
 
 Formulas become MathML, which browsers draw without a script.
 """
@@ -14,6 +14,8 @@ _SHORT = re.compile(r":(?:class|func|meth|mod|data|attr|exc|obj):`~([^`]+)`")
 _INLINE = re.compile(r":math:`([^`]+)`", re.DOTALL)
 # the formula on the directive's own line, or indented below it
 _BLOCK = re.compile(r"^( *)\.\. math::(?: +(\S[^\n]*))?\n((?:\s*\n|\1 +[^\n]*\n)*)", re.MULTILINE)
+# a formula between dollars, or code, where a dollar is one
+_DOLLARS = re.compile(r"```.*?```|`[^`\n]*`|\$\$(.+?)\$\$|\$([^$\n]+)\$", re.DOTALL)
 _TABLE = re.compile(r"(?:^ *={3,}(?: +={3,})+ *\n)(?:.*\n)+?(?=\s*\n|\Z)", re.MULTILINE)
 
 
@@ -25,6 +27,18 @@ def mathml(latex: str, *, display: str = "inline") -> str:
 def _block(found: re.Match[str]) -> str:
     lines = [part.strip() for part in re.split(r"\n\s*\n", f"{found[2] or ''}\n{found[3]}") if part.strip()]
     return "\n" + "\n\n".join(f"{found[1]}{mathml(line.rstrip(), display='block')}" for line in lines) + "\n\n"
+
+
+def formulas(text: str) -> str:
+    """Return Markdown with its formulas between dollars as MathML."""
+
+    def written(found: re.Match[str]) -> str:
+        if found[1]:
+            return mathml(found[1], display="block")
+        # a line that begins with a formula does not begin a block
+        return f"<span>{mathml(found[2])}</span>" if found[2] else found[0]
+
+    return _DOLLARS.sub(written, text)
 
 
 def markdown(text: str) -> str:

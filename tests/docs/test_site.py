@@ -44,6 +44,9 @@ def test_site_is_whole_and_offline(tmp_path):
         page = (site / "environments" / f"{id_}.html").read_text()
         for heading in ("Action space", "Observation space", "Rewards", "Episode end", "Arguments", "Version history"):
             assert heading in page
+    method = (site / "method.html").read_text()
+    assert '<math xmlns="http://www.w3.org/1998/Math/MathML" display="block">' in method
+    assert "$" not in re.sub(r"<script.*?</script>", "", method, flags=re.DOTALL)
     pages = list(site.rglob("*.html"))
     for page in pages:
         loads = Loads()
