@@ -53,6 +53,7 @@ def _like(step: Round) -> Unnamed:
     best, relevant = step.best, step.base.bench.settings.relevant
     text = (
         f"most like {phrase(best.name[0])}, which takes less than {relevant:.0%} off the squared error of a simulation"
+        ", or brings recordings that are left out no nearer"
     )
     return Unnamed(best.name[1], share_of(best, step), text, _nearest(step.scored, best.total))
 

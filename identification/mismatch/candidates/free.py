@@ -19,6 +19,7 @@ FOLLOWS = {
     "command": ("the command", "V"),
     "time": ("time", "s"),
     **{f"velocity {c}": (f"the velocity of cart {c}", "mm/s") for c in (1, 2)},
+    **{f"acceleration {c}": (f"the acceleration of cart {c}", "mm/s²") for c in (1, 2)},
     **{f"place {c}": (f"the place of cart {c} along the track", "mm") for c in (1, 2)},
     **{f"time since cart {c} reversed": (f"the time since cart {c} reversed, against its motion", "s") for c in (1, 2)},
     **{f"size of the command, as friction {c}": ("the size of the command, against the motion", "V") for c in (1, 2)},
@@ -116,6 +117,10 @@ def _signals(bench: Bench, values: Values) -> list[_Signal]:
             np.asarray(np.gradient(y, run.sample_time), dtype=np.float64) for y, run in zip(x, bench.runs, strict=True)
         ]
         found += [_Signal(f"velocity {c + 1}", speed, (cart,)), _Signal(f"place {c + 1}", x, (cart,))]
+        if bench.carts == 2:
+            # of its own acceleration a mass is the force
+            rate = [np.asarray(np.gradient(v, run.sample_time)) for v, run in zip(speed, bench.runs, strict=True)]
+            found.append(_Signal(f"acceleration {c + 1}", rate, (carts[1 - c],)))
         against = [-moving(y, run.sample_time, positions=True) for y, run in zip(x, bench.runs, strict=True)]
         since = [
             np.minimum(_since_change(s), _LATE_S / run.sample_time) * run.sample_time
