@@ -34,6 +34,8 @@ def unnamed(bench: Bench, selection: Selection, *, named: bool) -> Unnamed | Non
     first, last = selection.rounds[0], selection.rounds[-1]
     if last.accepted and isinstance(last.best.candidate, Shape | Line):
         return _free(bench, last, last.best.candidate)
+    if selection.differing:
+        return _differing(*selection.differing[0])
     if named or not first.accepted:
         return None
     shape = first.best.candidate
@@ -56,6 +58,12 @@ def _like(step: Round) -> Unnamed:
         ", or brings recordings that are left out no nearer"
     )
     return Unnamed(best.name[1], share_of(best, step), text, _nearest(step.scored, best.total))
+
+
+def _differing(scored: Scored, step: Round) -> Unnamed:
+    """Return what does as an effect with another size in every experiment would."""
+    text = f"like {phrase(scored.name[0])}, but with a size that differs between experiments"
+    return Unnamed(scored.name[1], share_of(scored, step), text, _nearest(step.scored, scored.total))
 
 
 def _nearest(scored: Sequence[Scored], total: float) -> tuple[tuple[Named, float], ...]:

@@ -12,12 +12,11 @@ from functools import partial
 
 import numpy as np
 
-from flexdrive_gym.recording import FloatArray
 from identification.mismatch.candidates.catalogue import Candidate
 from identification.mismatch.fitting.bench import Bench, Values
 from identification.mismatch.fitting.fit import Fit, fit
 from identification.mismatch.fitting.levels import Levels
-from identification.mismatch.fitting.score import bounded, shared
+from identification.mismatch.fitting.score import bounded
 from identification.mismatch.selection.optima import without
 from identification.mismatch.selection.ranking import Scored
 
@@ -77,19 +76,10 @@ def share_of_error(scored: Scored, best: Fit) -> float:
 
 
 def _left_out(less: Fit, best: Fit) -> float:
-    """Return what an effect takes off the squares of experiments that are left out: a score of output errors."""
-    one, other = _predicted(less), _predicted(best)
-    square = best.bench.sums(np.column_stack([one, other, one - other]) ** 2)
-    return float(shared(bounded(square[:, 0] - square[:, 1], square[:, 2])))
-
-
-def _predicted(model: Fit) -> FloatArray:
-    """Return the white rows that the others' optimum leaves in every experiment, shape (N,)."""
-    bench, found = model.bench, model.white[:, -1].copy()
-    steps = model.normal.steps(bench.settings.damping)
-    for rows, u in zip(bench.rows, bench.units, strict=True):
-        found[rows] += model.white[rows, :-1] @ steps[u]
-    return found
+    """Return what an effect takes off the squares of experiments that are left out, each within what the others let expect."""
+    bench, damping = best.bench, best.bench.settings.damping
+    change = bench.sums(best.metric.white(less.residual - best.residual)[:, None] ** 2)[:, 0]
+    return float(bounded(less.normal.left_out(damping) - best.normal.left_out(damping), change).sum())
 
 
 def _deflection(model: Fit) -> float:

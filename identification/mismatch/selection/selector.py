@@ -20,6 +20,7 @@ from identification.mismatch.selection.account import Account, sensitivities
 from identification.mismatch.selection.evaluate import Name, Table, evaluate, random_gains
 from identification.mismatch.selection.linear import Linear
 from identification.mismatch.selection.null import Null, first_draws, judged, null_of
+from identification.mismatch.selection.one_size import differs
 from identification.mismatch.selection.optima import (
     carried_over,
     contained,
@@ -65,6 +66,8 @@ class Selection:
         Run-to-run variability around the final model.
     level
         Of the test of a round.
+    differing
+        Candidates that were taken, and left out again because their size differs between experiments.
     """
 
     rounds: tuple[Round, ...]
@@ -73,6 +76,7 @@ class Selection:
     accepted: tuple[tuple[Scored, Round], ...]
     variability: tuple[Direction, ...]
     level: float
+    differing: tuple[tuple[Scored, Round], ...] = ()
 
     @property
     def doubtful(self) -> Scored | None:
@@ -138,7 +142,10 @@ class Selector:
         if doubted is not None and not self._stand(taken[doubted:], rounds[doubted]):
             rounds, taken, base = rounds[: doubted + 1], taken[:doubted], rounds[doubted].base
         taken, base = self._backward(taken, base, rounds[-1])
-        return Selection(tuple(rounds), rounds[0].base, base, tuple(taken), rounds[-1].variability, self.level)
+        kept, base = self._of_one_size(taken, base, rounds[-1])
+        differing = tuple(item for item in taken if item not in kept)
+        last = rounds[-1].variability
+        return Selection(tuple(rounds), rounds[0].base, base, tuple(kept), last, self.level, differing)
 
     def _name(self, step: Round, gained: float) -> Scored | None:
         """Return what a round names: the first that a simulation needs, of the significant names where a free function won.
@@ -358,6 +365,20 @@ class Selector:
             model = less
             taken = [(s, step) for s, step in taken if s is not weakest]
         return taken, model
+
+    def _of_one_size(
+        self, taken: Sequence[tuple[Scored, Round]], model: Fit, last: Round
+    ) -> tuple[list[tuple[Scored, Round]], Fit]:
+        """Leave out what has another size in every experiment, beside all others: its law is another."""
+        asked = dispensable([scored for scored, _ in taken])
+        odd = [
+            (s, step)
+            for s, step in taken
+            if s in asked and isinstance(s.candidate, Candidate) and differs(model, s.candidate, self.level)
+        ]
+        for scored, step in odd:
+            _, model = self._without(scored, step, model, last)
+        return [item for item in taken if item not in odd], model
 
     def _without(self, scored: Scored, step: Round, model: Fit, last: Round) -> tuple[float, Fit]:
         """Return the p-value of an accepted candidate beside all others, and the model without it.

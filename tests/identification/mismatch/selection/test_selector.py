@@ -46,6 +46,23 @@ def test_what_brings_the_simulation_near_stays(stay):
     assert stay({"one": (0.002, 0.002), "other": (0.28, 0.3)}, share=0.9) == ["one", "other"]
 
 
+@pytest.mark.parametrize(
+    ("taken", "odd", "kept"),
+    [
+        (["one", "other"], {"one"}, ["other"]),
+        (["one", "other"], {"other"}, ["one"]),
+        # a refinement needs the dry friction that it refines
+        (["coulomb_friction", "stribeck"], {"coulomb_friction"}, ["coulomb_friction", "stribeck"]),
+    ],
+)
+def test_what_has_another_size_in_every_experiment_is_left_out(monkeypatch, taken, odd, kept):
+    monkeypatch.setattr(selector, "differs", lambda _model, candidate, _level: candidate.id in odd)
+    asked = SimpleNamespace(level=LEVEL, _without=lambda s, _step, model, last: (1.0, model))
+    items = [(Scored(Candidate(n, "cart_1", ((n, 1.0),)), None, np.ones(4), 1), None) for n in taken]
+    found, _ = Selector._of_one_size(asked, items, SimpleNamespace(), None)
+    assert [s.name[0] for s, _ in found] == kept
+
+
 @pytest.mark.parametrize(("share", "named"), [(0.009, []), (0.011, ["load_friction"])])
 def test_a_name_that_no_simulation_needs_is_not_given(monkeypatch, share, named):
     """Innovations tell laws apart within milliseconds, and so they name what is like the law that acts.
@@ -64,7 +81,7 @@ def test_a_name_that_no_simulation_needs_is_not_given(monkeypatch, share, named)
     asked.say, asked._proposed, asked._near = lambda _: None, lambda _: [], lambda *_: None
     asked._significant, asked._share = lambda *_: [like], lambda *_: share
     asked._round, asked._name = lambda *_: next(rounds), lambda *a: Selector._name(asked, *a)
-    asked._backward = lambda taken, model, _last: (taken, model)
+    asked._backward = asked._of_one_size = lambda taken, model, _last: (taken, model)
     assert [s.name[0] for s, _ in Selector.run(asked).accepted] == named
 
 
