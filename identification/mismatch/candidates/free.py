@@ -77,11 +77,10 @@ def followed(id_: str) -> str | None:
 def shapes(bench: Bench, values: Values, size: float) -> list[Shape]:
     """Return the free functions that the recordings can tell.
 
-    Forces on each cart as functions of command, time, place and its velocity; friction of each cart as functions of the
-    command's size
-    and of the time since the cart reversed; the spring's force as a function of its deflection. Their variables are those of the
-    simulation. A force that followed the measured motion would drag the simulation along with it, as an observer does,
-    and explain whatever was measured.
+    Forces on each cart as functions of command, time, place, its velocity and the other cart's acceleration; friction of each
+    cart as functions of the command's size and of the time since the cart reversed; the spring's force as a function of its
+    deflection. Their variables are those of the simulation. A force that followed the measured motion would drag the simulation
+    along with it, as an observer does, and explain whatever was measured.
     """
     found = []
     for signal in _signals(bench, values):

@@ -58,6 +58,30 @@ def test_no_law_is_exact_and_no_friction():
     assert differs(fitted(np.repeat([0.85 * SIZE, 1.15 * SIZE], 6), 1000.0), TILT, LEVEL)
 
 
+def test_a_part_that_is_nearly_nothing_may_differ_by_more_than_itself():
+    """The sine of a wave whose phase makes it nearly all cosine: a tenth of both together, not of each."""
+    wave = Candidate("position_friction", "cart_1", (("sin", SIZE), ("cos", SIZE)))
+
+    def model(small):
+        one = fitted(np.full(12, SIZE), 100.0)
+        U, h = 12, np.diag([1.0, 1e4, 1e4])
+        names = ("m1", "sin", "cos")
+        coordinates = SimpleNamespace(log=np.array([True, False, False]), of=lambda _: np.array([0.0, 1.0, 0.01]))
+        gradient = np.zeros((U, 3))
+        gradient[:, 2] = 1e4 * np.repeat([small, -small], 6)
+        return SimpleNamespace(
+            names=names,
+            values={},
+            interior=np.ones(3, dtype=bool),
+            coordinates=coordinates,
+            normal=Normal(np.tile(h, (U, 1, 1)), gradient, np.ones(U)),
+            bench=one.bench,
+        )
+
+    assert not differs(model(0.08), wave, LEVEL)
+    assert differs(model(0.15), wave, LEVEL)
+
+
 def test_three_experiments_tell_nothing():
     assert not differs(fitted([0.1 * SIZE, SIZE, 3.0 * SIZE], 100.0), TILT, LEVEL)
 
