@@ -58,9 +58,10 @@ TERMS = (
     Term(
         "p-value",
         r"p-values?",
-        "How often the best candidate of the whole catalogue predicts other recordings as well in data of this "
-        "rig in which nothing is left out: simulations of the model under unknown forces, run-to-run variability "
-        "and encoder counts as large as the recordings show.",
+        "How often, at most, the best candidate of the whole catalogue predicts other recordings as well in data of "
+        "this rig in which nothing is left out: in simulations of the model under unknown forces, run-to-run "
+        "variability and encoder counts as large as the recordings show, and never less often than the best of so many "
+        "likelihood ratios is as large by chance.",
     ),
     Term(
         "floor",

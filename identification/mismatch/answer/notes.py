@@ -44,10 +44,9 @@ def notes_of(
             f"{windows[0].how}, each begun in the measured state"
         )
     if (doubtful := selection.doubtful) is not None:
-        least = selection.rounds[-1].null.evidence(selection.level)
         notes.append(
-            f"{phrase(doubtful.name[0])} gains {doubtful.total:.2g} units of log-likelihood, more than null draws do (p = "
-            f"{doubtful.p:.2g}), but the best of so many names must gain {least:.2g}: it is not named"
+            f"{phrase(doubtful.name[0])} gains {doubtful.total:.2g} units of log-likelihood (p = {doubtful.p:.2g}), where p = "
+            f"{selection.level:.2g} is asked for: it is not named"
         )
     notes.extend(_loop_note(loops, unit, units) for unit in ("mm", "mm/s") if any(f.unit == unit for f in loops))
     spread = drive.run_to_run

@@ -74,17 +74,21 @@ class Null:
         often, index = self.tail.get(name) or np.median(list(self.tail.values()), axis=0)
         return float(_score(np.array(gain), float(often), float(index)))
 
-    def p_value(self, name: Name, gain: float) -> float:
-        """Return how often the best of the catalogue gains as much where nothing is left out."""
+    def rarity(self, name: Name, gain: float) -> float:
+        """Return how often the best of the catalogue gains as rarely much in the draws."""
         return float((1 + np.sum(self.largest >= self.score(name, gain))) / (len(self.largest) + 1))
 
-    def evidence(self, level: float) -> float:
-        """Return the gain that the best of the catalogue must have, whatever the draws say.
+    def p_value(self, name: Name, gain: float) -> float:
+        """Return how often the best of the catalogue gains as much where nothing is left out: at most so often.
 
         A gain in prediction is the logarithm of a likelihood ratio, which reaches x by chance in no more than one data set in x
         (V. Vovk, R. Wang, Ann. Statist. 49, 2021), and there are so many names to choose from. Draws are as good as the model of
-        the noise; this holds for any.
+        the noise, and know first-order gains alone; this holds for any, so the larger of the two is the p-value.
         """
+        return max(self.rarity(name, gain), float(min(1.0, len(self.tail) * np.exp(-max(gain, 0.0)))))
+
+    def evidence(self, level: float) -> float:
+        """Return the gain that a name must have at a level, whatever the draws say."""
         return float(np.log(len(self.tail) / level))
 
 
@@ -140,7 +144,7 @@ def null_of(
     simulator, made = Simulator(bench, values, noise, found), first.shape[1]
     while True:
         null = Null.over(gains)
-        best = min(null.p_value(n, float(own[0])) for n, own in data.total.items())
+        best = min(null.rarity(n, float(own[0])) for n, own in data.total.items())
         most = bench.settings.draws
         if made >= most or best * (made + 1) > _ENOUGH or (made >= most // 2 and best * (made + 1) <= 1.0):
             return null

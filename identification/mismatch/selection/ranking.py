@@ -56,8 +56,10 @@ class Scored:
         Gain of predictive log-likelihood, within what the others let expect.
     size
         How many parameters it adds.
+    rarity
+        How often the best of the catalogue gains as rarely much in null draws.
     p
-        P-value of its gain.
+        P-value of its gain, that of a likelihood ratio included.
     variability
         What every recording has its own amplitudes of, where the candidate has a phase.
     """
@@ -66,6 +68,7 @@ class Scored:
     fit: Fit | None
     gain: FloatArray
     size: int
+    rarity: float = 1.0
     p: float = 1.0
     variability: tuple[Direction, ...] = ()
 
@@ -179,6 +182,11 @@ def scores(
 
     Null draws know linear changes alone. A fit that gains more has found more, for the base model was fitted from there, too.
     """
+
+    def judged(name: Name, gain: FloatArray) -> tuple[float, float]:
+        total = float(shared(gain))
+        return null.rarity(name, total), null.p_value(name, total)
+
     found = []
     periods = Counter(e.candidate.name for e in linear.entries if e.random)
     for name in {**table.best, **fits}:
@@ -190,8 +198,8 @@ def scores(
                 group, spread = "@".join(name), float(np.sqrt(entry.variance))
                 changes = (linear.changes[:, c - len(linear.base)] for c in entry.columns)
                 variability = tuple(Direction(group, spread, change.astype(np.float64)) for change in changes)
-            p = null.p_value(name, float(shared(entry.gain)))
-            scored = Scored(entry.candidate, None, entry.gain, max(len(entry.columns), 2), p, variability)
+            told = judged(name, entry.gain)
+            scored = Scored(entry.candidate, None, entry.gain, max(len(entry.columns), 2), *told, variability)
         if name in fits:
             candidate, best = fits[name]
             gain = np.zeros(len(linear.products))
@@ -200,8 +208,7 @@ def scores(
                 # of so many periods it is the best: what the choice among them makes by chance
                 gain = gain_of(base, best) - np.log(max(periods[name], 1)) / len(gain)
             if scored is None or not scored.variability or shared(gain) > scored.total:
-                p = null.p_value(name, float(shared(gain)))
-                scored = Scored(candidate, best, gain, len(candidate.keys), p)
+                scored = Scored(candidate, best, gain, len(candidate.keys), *judged(name, gain))
         assert scored is not None
         found.append(scored)
     return sorted(found, key=lambda s: -s.total)

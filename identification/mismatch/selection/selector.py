@@ -80,10 +80,11 @@ class Selection:
 
     @property
     def doubtful(self) -> Scored | None:
-        """Return what no null draw explains in the last round, though it gains less than a name must."""
-        last = self.rounds[-1]
-        rare = [s for s in last.scored if s.p <= self.level and s.total > 0.0]
-        return None if last.accepted else max(rare, key=lambda s: s.total, default=None)
+        """Return what is likely in the last round, though not significant."""
+        last, likely = self.rounds[-1], self.model.bench.settings.likely
+        return (
+            None if last.accepted else min((s for s in last.scored if s.p <= likely), key=lambda s: s.p, default=None)
+        )
 
 
 class Selector:
@@ -158,7 +159,7 @@ class Selector:
         gained
             By earlier names.
         """
-        significant = [s for s in self._significant(step.scored, step.null) if not nameless(s)]
+        significant = [s for s in self._significant(step.scored) if not nameless(s)]
         half = MOST * max((s.total for s in significant), default=0.0)
         order = significant if nameless(step.best) else [step.best, *(s for s in significant if s is not step.best)]
 
@@ -168,10 +169,9 @@ class Selector:
 
         return next((s for s in order[: _MORE + 1] if needed(s)), None)
 
-    def _significant(self, scored: Sequence[Scored], null: Null) -> list[Scored]:
-        """Return the candidates that gain more than data of this rig in which nothing is left out, and more than chance can."""
-        least = null.evidence(self.level)
-        return [s for s in scored if s.p <= self.level and s.total >= least]
+    def _significant(self, scored: Sequence[Scored]) -> list[Scored]:
+        """Return the candidates that gain more than data of this rig in which nothing is left out."""
+        return [s for s in scored if s.p <= self.level]
 
     def _share(self, scored: Scored, base: Fit) -> float:
         """Return the share of the squared output error that a name takes off, beside what was named before."""
@@ -293,7 +293,7 @@ class Selector:
             scored = scores(base, linear, table, fits, null)
         asked = {candidate.name for candidate, _ in leading}
         while True:
-            significant = self._significant(scored, null)
+            significant = self._significant(scored)
             order = ranked(scored, significant)
             named = [fits[s.name] for s in (order[0], *significant[:2]) if s.name in fits and s.name not in asked]
             asked |= {candidate.name for candidate, _ in named}
@@ -316,7 +316,7 @@ class Selector:
     ) -> list[Start]:
         """Return starts of candidates that may be named and were not fitted, and of those that look like the leader."""
         base = linear.model
-        likely = {s.name: s.total for s in scored if s.p <= self.settings.likely and not nameless(s)}
+        likely = {s.name: s.total for s in scored if s.rarity <= self.settings.likely and not nameless(s)}
         least = 0.5 * max(likely.values(), default=np.inf)
         alike, beside, found = set[str](), dict[str, float](), list[Start]()
         for leader, there in leading:
@@ -351,13 +351,13 @@ class Selector:
             asked = dispensable([scored for scored, _ in taken])
             ones = [(s, step) for s, step in taken if s in asked]
             found = self.bench.pool.map(partial(self._without, model=model, last=last), *zip(*ones, strict=True))
-            left_out = [(p, less, s, step) for (p, less), (s, step) in zip(found, ones, strict=True)]
+            left_out = [(rarity, less, s, step) for (rarity, less), (s, step) in zip(found, ones, strict=True)]
             # what stands for a free function needs not be rarer than it was then, and what brings the simulation near stays:
             # around a model that is far away draws tell nothing
             weak = [
-                (p, less, s)
-                for p, less, s, step in left_out
-                if p > max(self.level, s.p) and self._share(s, step.base) < MOST
+                (rarity, less, s)
+                for rarity, less, s, step in left_out
+                if rarity > max(self.level, s.rarity) and self._share(s, step.base) < MOST
             ]
             if not weak:
                 break
@@ -381,7 +381,7 @@ class Selector:
         return [item for item in taken if item not in odd], model
 
     def _without(self, scored: Scored, step: Round, model: Fit, last: Round) -> tuple[float, Fit]:
-        """Return the p-value of an accepted candidate beside all others, and the model without it.
+        """Return the rarity of an accepted candidate beside all others, and the model without it.
 
         What it gains by chance is told by the draws of the round that took it, which lack it.
         """
@@ -390,7 +390,7 @@ class Selector:
             noise = damped(last.noise, [d for d in last.variability if d.group not in own])
             columns = noise.white(np.column_stack([d.change for d in scored.variability]))
             ((gain, _),) = random_gains(self.bench, columns, noise.white(model.residual)[:, None])
-            return step.null.p_value(scored.name, float(shared(gain[:, 0]))), model
+            return step.null.rarity(scored.name, float(shared(gain[:, 0]))), model
         names = [n for n in model.names if n not in scored.candidate.keys]
         less = fit(self.bench, last.noise, without(scored.candidate, model.values, names), names)
-        return step.null.p_value(scored.name, float(shared(gain_of(less, model)))), less
+        return step.null.rarity(scored.name, float(shared(gain_of(less, model)))), less

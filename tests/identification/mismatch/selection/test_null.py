@@ -1,4 +1,4 @@
-"""The null distribution: p-values, and draws that look as the noise does."""
+"""The null distribution: how rare gains are, p-values, and draws that look as the noise does."""
 
 import numpy as np
 import pytest
@@ -10,23 +10,23 @@ from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import bench_of, data_set
 
 
-def test_p_value_is_the_share_of_draws_whose_largest_score_is_larger():
+def test_rarity_is_the_share_of_draws_whose_largest_score_is_larger():
     name = ("stribeck", "cart_1")
     # one draw in ten gains 2, one in a hundred 20, as the index 1 has it: 200 is two decades beyond the first
     null = Null({name: (2.0, 1.0)}, np.arange(99.0))
     assert null.score(name, 200.0) == pytest.approx(2.0)
     assert null.score(name, 1.0) == -0.5
     # 97 of 99 draws reach a score of 2
-    assert null.p_value(name, 200.0 * (1.0 - 1e-12)) == pytest.approx(0.98)
-    assert null.p_value(name, 1e102) == pytest.approx(0.01)
+    assert null.rarity(name, 200.0 * (1.0 - 1e-12)) == pytest.approx(0.98)
+    assert null.rarity(name, 1e102) == pytest.approx(0.01)
 
 
 def test_a_name_is_judged_by_its_own_draws():
     rng = np.random.default_rng(0)
     quiet, loud = ("tilt", "guide"), ("stribeck", "cart_1")
     null = Null.of({quiet: rng.exponential(1.0, 400), loud: 50.0 + 20.0 * rng.normal(size=400)})
-    assert null.p_value(loud, 60.0) > 0.2
-    assert null.p_value(quiet, 60.0) < 0.01
+    assert null.rarity(loud, 60.0) > 0.2
+    assert null.rarity(quiet, 60.0) < 0.01
 
 
 def test_a_name_with_a_heavy_tail_does_not_set_the_level_of_the_others():
@@ -34,8 +34,8 @@ def test_a_name_with_a_heavy_tail_does_not_set_the_level_of_the_others():
     usual, heavy = ("encoder_delay", "encoder_2"), ("ground_spring", "guide")
     null = Null.of({usual: 5.0 * rng.exponential(1.0, 480), heavy: 2.0 * (rng.pareto(1.0, 480) + 1.0)})
     # some draws of the heavy one gain hundreds
-    assert null.p_value(usual, 60.0) < 0.01
-    assert null.p_value(heavy, 60.0) > 0.05
+    assert null.rarity(usual, 60.0) < 0.01
+    assert null.rarity(heavy, 60.0) > 0.05
 
 
 def test_the_index_of_a_tail_comes_from_every_draw_in_it():
@@ -46,7 +46,7 @@ def test_the_index_of_a_tail_comes_from_every_draw_in_it():
     assert Null.of({name: np.zeros(120)}).tail[name] == (1.5, pytest.approx(0.4))
 
 
-def test_p_values_of_data_in_which_nothing_is_left_out_are_uniform():
+def test_rarities_of_data_in_which_nothing_is_left_out_are_uniform():
     rng = np.random.default_rng(2)
     names = [(f"effect {i}", "cart_1") for i in range(20)]
 
@@ -60,9 +60,22 @@ def test_p_values_of_data_in_which_nothing_is_left_out_are_uniform():
     p = []
     for _ in range(300):
         null, data = Null.of(gains(240)), gains(1)
-        p.append(min(null.p_value(k, float(g[0])) for k, g in data.items()))
+        p.append(min(null.rarity(k, float(g[0])) for k, g in data.items()))
     assert np.quantile(p, [0.1, 0.5, 0.9]) == pytest.approx([0.1, 0.5, 0.9], abs=0.06)
     assert np.mean(np.array(p) <= 0.02) <= 0.04
+
+
+def test_a_p_value_is_no_smaller_than_a_likelihood_ratio_among_so_many_names_allows():
+    """Draws are as good as the model of the noise; the best of n ratios reaches n / p in at most one data set in 1 / p."""
+    names = [(f"effect {i}", "cart_1") for i in range(50)]
+    null = Null(dict.fromkeys(names, (1.5, 0.4)), np.full(479, -1.0))
+    gain = float(np.log(50 / 0.04))
+    assert null.rarity(names[0], gain) == pytest.approx(1 / 480)
+    assert null.p_value(names[0], gain) == pytest.approx(0.04)
+    assert null.p_value(names[0], 1.0) == 1.0
+    # and no smaller than draws resolve
+    assert null.p_value(names[0], 100.0) == pytest.approx(1 / 480)
+    assert null.p_value(names[0], null.evidence(0.01)) == pytest.approx(0.01)
 
 
 def test_a_blow_counts_no_more_than_the_edge_of_a_normal_distribution():

@@ -102,7 +102,7 @@ def score():
 
         ripples = [Entry(Phase(*drag.name, float(p)), ()) for p in range(periods)]
         linear = SimpleNamespace(entries=ripples, products=np.zeros((12, 1, 1)))
-        null = SimpleNamespace(p_value=lambda *_: 0.002)
+        null = SimpleNamespace(rarity=lambda *_: 0.002, p_value=lambda *_: 0.002)
         return scores(model(np.ones(12)), linear, Table({}, {}, {}), {drag.name: (drag, model(left, *drag.keys))}, null)
 
     return of

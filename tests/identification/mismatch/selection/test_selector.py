@@ -8,7 +8,7 @@ import pytest
 from identification.mismatch.candidates.catalogue import Candidate
 from identification.mismatch.selection import selector
 from identification.mismatch.selection.ranking import Scored
-from identification.mismatch.selection.selector import Selector
+from identification.mismatch.selection.selector import Selection, Selector
 from identification.mismatch.settings import Settings
 
 LEVEL = 0.01
@@ -16,7 +16,7 @@ LEVEL = 0.01
 
 @pytest.fixture
 def stay(monkeypatch):
-    """Names that stay, from name to its p-value when it was taken and beside all others."""
+    """Names that stay, from name to how rare its gain was when it was taken, and beside all others."""
     monkeypatch.setattr(selector, "fit", lambda *_: SimpleNamespace(values={}, names=()))
 
     def run(names, share=0.1):
@@ -61,6 +61,17 @@ def test_what_has_another_size_in_every_experiment_is_left_out(monkeypatch, take
     items = [(Scored(Candidate(n, "cart_1", ((n, 1.0),)), None, np.ones(4), 1), None) for n in taken]
     found, _ = Selector._of_one_size(asked, items, SimpleNamespace(), None)
     assert [s.name[0] for s, _ in found] == kept
+
+
+@pytest.mark.parametrize(("p", "told"), [(0.05, "tilt"), (0.3, None)])
+def test_what_is_likely_and_not_significant_is_told(p, told):
+    tilt = Scored(Candidate("tilt", "guide", (("tilt.F", 1.0),)), None, np.ones(4), 1, 0.002, p)
+    bench = SimpleNamespace(settings=Settings())
+    chosen = SimpleNamespace(
+        rounds=[SimpleNamespace(accepted=False, scored=[tilt])], model=SimpleNamespace(bench=bench), level=LEVEL
+    )
+    doubtful = Selection.doubtful.fget(chosen)
+    assert (None if doubtful is None else doubtful.name[0]) == told
 
 
 @pytest.mark.parametrize(("share", "named"), [(0.009, []), (0.011, ["load_friction"])])
