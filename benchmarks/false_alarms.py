@@ -1,4 +1,4 @@
-"""How often a diagnosis names physics where none is left out, and whether its p-values are uniform there.
+"""How often a diagnosis names physics where none is left out, and how often its p-values are small there.
 
 ``python -m benchmarks false_alarms [--kind generator|rig] [--draws 500] [--jobs 2] [--alpha 0.02]``. Null data sets are of two
 kinds: those of the independent rig simulator that conceal nothing (``generator``), and the rig's own (``rig``): the base model's
