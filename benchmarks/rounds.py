@@ -72,6 +72,5 @@ def _print(number: int, step: Round) -> None:
         taken = np.sum(modes.astype(np.float64) ** 2, axis=0)
         wide = np.sort((1.0 - taken) ** -2.0)[::-1]
         print(f"    {name:28s} {' '.join(f'{v:.0f}' for v in wide[:4]) or '1'}")
-    print(f"    chance reaches {step.null.evidence(0.5 * ALPHA):.1f} units")
     for s in step.scored[:_LEADING]:
         print(f"    {' at '.join(s.name):64s} {s.total:8.1f}  p = {s.p:.4f}")

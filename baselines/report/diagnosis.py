@@ -174,7 +174,7 @@ def _findings(d: Diagnosis) -> Section:
     section.text(
         "In the order in which they were accepted. “Explains”: the share that goes of the squared error left by what was "
         "accepted before, every recording weighted by its own noise. "
-        "The p-value: how often the best candidate of the whole catalogue "
+        "The p-value: how often, at most, the best candidate of the whole catalogue "
         "predicts other recordings as well in data of this rig in which nothing is left out."
     )
     return section

@@ -60,7 +60,7 @@ class Finding:
     share_of_error_explained
         Of the squared error left without it, every estimation recording weighted by its own noise level.
     p_value
-        How often the best of the catalogue does as well in data of this rig in which nothing is left out.
+        How often, at most, the best of the catalogue does as well in data of this rig in which nothing is left out.
     report_rms_before, report_rms_after
         Over the report recordings [unit], with what was found before it, and with it.
     unit

@@ -9,7 +9,7 @@ import numpy as np
 from flexdrive_gym import Drive
 from flexdrive_gym.units import Units
 from identification.mismatch.answer.errors import rms
-from identification.mismatch.answer.finding import phrase
+from identification.mismatch.answer.finding import Named
 from identification.mismatch.answer.verdict import RecordingFit
 from identification.mismatch.selection.selector import Selection
 from identification.mismatch.split import Split
@@ -45,7 +45,7 @@ def notes_of(
         )
     if (doubtful := selection.doubtful) is not None:
         notes.append(
-            f"{phrase(doubtful.name[0])} gains {doubtful.total:.2g} units of log-likelihood (p = {doubtful.p:.2g}), where p = "
+            f"{Named(*doubtful.name)} gains {doubtful.total:.2g} units of log-likelihood (p = {doubtful.p:.2g}), where p = "
             f"{selection.level:.2g} is asked for: it is not named"
         )
     notes.extend(_loop_note(loops, unit, units) for unit in ("mm", "mm/s") if any(f.unit == unit for f in loops))

@@ -75,7 +75,7 @@ class Null:
         return float(_score(np.array(gain), float(often), float(index)))
 
     def rarity(self, name: Name, gain: float) -> float:
-        """Return how often the best of the catalogue gains as rarely much in the draws."""
+        """Return the share of draws in which some gain of the catalogue is as rare."""
         return float((1 + np.sum(self.largest >= self.score(name, gain))) / (len(self.largest) + 1))
 
     def p_value(self, name: Name, gain: float) -> float:
@@ -86,10 +86,6 @@ class Null:
         the noise, and know first-order gains alone; this holds for any, so the larger of the two is the p-value.
         """
         return max(self.rarity(name, gain), float(min(1.0, len(self.tail) * np.exp(-max(gain, 0.0)))))
-
-    def evidence(self, level: float) -> float:
-        """Return the gain that a name must have at a level, whatever the draws say."""
-        return float(np.log(len(self.tail) / level))
 
 
 def _score(gain: FloatArray, often: float, index: float) -> FloatArray:

@@ -57,9 +57,9 @@ class Scored:
     size
         How many parameters it adds.
     rarity
-        How often the best of the catalogue gains as rarely much in null draws.
+        Share of null draws in which some gain of the catalogue is as rare.
     p
-        P-value of its gain, that of a likelihood ratio included.
+        P-value of its gain.
     variability
         What every recording has its own amplitudes of, where the candidate has a phase.
     """
@@ -183,7 +183,7 @@ def scores(
     Null draws know linear changes alone. A fit that gains more has found more, for the base model was fitted from there, too.
     """
 
-    def judged(name: Name, gain: FloatArray) -> tuple[float, float]:
+    def chances(name: Name, gain: FloatArray) -> tuple[float, float]:
         total = float(shared(gain))
         return null.rarity(name, total), null.p_value(name, total)
 
@@ -198,8 +198,8 @@ def scores(
                 group, spread = "@".join(name), float(np.sqrt(entry.variance))
                 changes = (linear.changes[:, c - len(linear.base)] for c in entry.columns)
                 variability = tuple(Direction(group, spread, change.astype(np.float64)) for change in changes)
-            told = judged(name, entry.gain)
-            scored = Scored(entry.candidate, None, entry.gain, max(len(entry.columns), 2), *told, variability)
+            size, chance = max(len(entry.columns), 2), chances(name, entry.gain)
+            scored = Scored(entry.candidate, None, entry.gain, size, *chance, variability)
         if name in fits:
             candidate, best = fits[name]
             gain = np.zeros(len(linear.products))
@@ -208,7 +208,7 @@ def scores(
                 # of so many periods it is the best: what the choice among them makes by chance
                 gain = gain_of(base, best) - np.log(max(periods[name], 1)) / len(gain)
             if scored is None or not scored.variability or shared(gain) > scored.total:
-                scored = Scored(candidate, best, gain, len(candidate.keys), *judged(name, gain))
+                scored = Scored(candidate, best, gain, len(candidate.keys), *chances(name, gain))
         assert scored is not None
         found.append(scored)
     return sorted(found, key=lambda s: -s.total)

@@ -81,10 +81,9 @@ class Selection:
     @property
     def doubtful(self) -> Scored | None:
         """Return what is likely in the last round, though not significant."""
-        last, likely = self.rounds[-1], self.model.bench.settings.likely
-        return (
-            None if last.accepted else min((s for s in last.scored if s.p <= likely), key=lambda s: s.p, default=None)
-        )
+        last = self.rounds[-1]
+        likely = [s for s in last.scored if s.p <= self.model.bench.settings.likely]
+        return None if last.accepted else min(likely, key=lambda s: s.p, default=None)
 
 
 class Selector:

@@ -75,7 +75,6 @@ def test_a_p_value_is_no_smaller_than_a_likelihood_ratio_among_so_many_names_all
     assert null.p_value(names[0], 1.0) == 1.0
     # and no smaller than draws resolve
     assert null.p_value(names[0], 100.0) == pytest.approx(1 / 480)
-    assert null.p_value(names[0], null.evidence(0.01)) == pytest.approx(0.01)
 
 
 def test_a_blow_counts_no_more_than_the_edge_of_a_normal_distribution():
