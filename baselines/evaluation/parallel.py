@@ -16,6 +16,8 @@ Backend = Literal["threading", "loky", "dask", "sequential"]
 Progress = Callable[[int, int], None]
 Keep = Callable[[int, Any], None]
 Work = Sequence[tuple[Callable[..., Any], tuple[Any, ...]]]
+# how long a scheduler and its workers may take to answer on a busy machine [s]
+_PATIENCE_S = 30
 
 
 class Run(Protocol):
@@ -91,7 +93,7 @@ def workers(backend: Backend, jobs: int, scheduler: str | None) -> Iterator[Run]
             yield _gather
         return
     # the client's own messages about lost workers are no results
-    with _connected(scheduler), parallel_config("dask"):
+    with _connected(scheduler), parallel_config("dask", wait_for_workers_timeout=_PATIENCE_S):
         yield _gather
 
 
@@ -120,7 +122,7 @@ def _connected(scheduler: str | None) -> Any:
         raise ValueError("backend: dask is not installed. pip install 'flexdrive[dask]'.") from error
     make: Any = distributed.Client
     try:
-        return make(scheduler, timeout="20s", set_as_default=True)
+        return make(scheduler, timeout=_PATIENCE_S, set_as_default=True)
     except (OSError, ValueError) as error:
         raise ValueError(
             f"scheduler: must be the address of a running Dask scheduler; got {scheduler!r} ({error}). Start one with "
