@@ -212,13 +212,30 @@ class Bench:
         for run in self.runs:
             mode = np.zeros(-(-len(run.u) // run.block), dtype=np.int64)
             for c in range(len(run.keep)):
-                x = run.track[c]
-                count = run.counts[c] if len(run.counts) > c and run.counts[c] > 0.0 else 0.0
-                width = max(3, round(_REST_S / run.sample_time))
-                way = maximum_filter1d(x, width) - minimum_filter1d(x, width)
-                still = way <= max(1.5 * count, _STILL * float(np.ptp(x)))
+                still = _way(run.track[c], run.sample_time) <= _least_way(run, c)
                 mode += (1 << c) * (still[:: run.block] & (not run.positions)).astype(np.int64)
             found.append(mode)
+        return found
+
+    def resting_with(self, values: Values) -> list[IntArray]:
+        """Return which carts rest in the recordings and in the simulation of a drive, too, as :attr:`resting`."""
+        simulated, found = self._velocity - self.residual(values), [mode.copy() for mode in self.resting]
+        for p in self.pieces:
+            run = self.runs[p.recording]
+            step = run.block * run.sample_time
+            still = _way(np.cumsum(simulated[p.rows]) * step, step) <= _least_way(run, p.cart)
+            found[p.recording] &= np.where(still, 3, 3 & ~(1 << p.cart))
+        return found
+
+    @cached_property
+    def _velocity(self) -> FloatArray:
+        """Return the mean of what was measured per row, shape (N,); 0 where nothing is valid."""
+        found = np.zeros(len(self.valid))
+        for p in self.pieces:
+            run = self.runs[p.recording]
+            edges, keep = np.arange(0, len(run.u), run.block), run.keep[p.cart]
+            count = np.add.reduceat(keep.astype(np.float64), edges)
+            found[p.rows] = np.add.reduceat(np.where(keep, run.measured[p.cart], 0.0), edges) / np.maximum(count, 1.0)
         return found
 
     @cached_property
@@ -277,6 +294,18 @@ def comparable(recording: Recording, settings: Settings) -> Run:
         if float(np.mean(blocks**2)) > ((1.0 + settings.small_motion) * noise) ** 2 or float(np.ptp(x)) > 40.0 * q:
             return run
     return replace(run, measured=places, floor=[q**2 / 12.0 for q in run.counts], positions=True)
+
+
+def _way(x: FloatArray, step: float) -> FloatArray:
+    """Return how far a cart moves within the time after which it rests, around every sample [mm], shape (n,)."""
+    width = max(3, round(_REST_S / step))
+    return np.asarray(maximum_filter1d(x, width) - minimum_filter1d(x, width))
+
+
+def _least_way(run: Run, cart: int) -> float:
+    """Return the way within that time from which on a cart moves [mm]."""
+    count = run.counts[cart] if len(run.counts) > cart and run.counts[cart] > 0.0 else 0.0
+    return max(1.5 * count, _STILL * float(np.ptp(run.track[cart])))
 
 
 def in_rows(runs: Sequence[Run], settings: Settings) -> list[Run]:

@@ -28,8 +28,9 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
-from flexdrive_gym.recording import FloatArray
+from flexdrive_gym.recording import BoolArray, FloatArray
 from identification.mismatch.fitting.bench import Bench, Columns, Rows, SingleArray, Values
+from identification.mismatch.fitting.experiments import IntArray
 from identification.mismatch.noise.friction import dry_level
 from identification.mismatch.noise.nuisance import Direction
 from identification.mismatch.noise.told import Told, inverse, scales
@@ -119,6 +120,9 @@ class Noise:
         Unknown forces.
     own : ndarray, shape (R,)
         Scale of every recording's forces.
+    rests : list of ndarray of int, shape (blocks,)
+        Which carts rest in every block, as in :attr:`~identification.mismatch.fitting.bench.Bench.resting`: those that rest in
+        the simulation of the drive, too.
     scale
         Group of run-to-run variability to its standard deviation over the prior one.
     modes : list of ndarray of float32, shape (rows of a recording, m)
@@ -137,6 +141,7 @@ class Noise:
     values: Values
     forces: Forces
     own: FloatArray
+    rests: Sequence[IntArray]
     scale: Mapping[str, float] = field(default_factory=dict)
     modes: Sequence[SingleArray] = ()
     weights: FloatArray | None = None
@@ -163,13 +168,13 @@ class Noise:
             start = np.array([rho[0], 0.0, rho[-1], 0.0, *(own * np.array(self.forces.slow)) ** 2, 0.0, 0.0])
             valid = bench.valid[bench.rows[r]].reshape(len(run.keep), -1)
             step = 0.0 if run.positions else step
-            self._made[r] = Filter.of(A, own**2 * Q, bench.resting[r], start, rho, valid, step)
+            self._made[r] = Filter.of(A, own**2 * Q, self.rests[r], start, rho, valid, step)
         return self._made[r]
 
-    @property
-    def logarithm(self) -> float:
-        """Return the sum of the logarithms of the innovations' variances."""
-        return sum(self._filter(r).logarithm for r in range(len(self.bench.runs)))
+    def logarithm(self, which: BoolArray) -> float:
+        """Return the sum of the logarithms of the innovations' variances in some rows, shape (N,)."""
+        variance = np.concatenate([self._filter(r).variance.ravel() for r in range(len(self.bench.runs))])
+        return float(np.log(variance[which]).sum())
 
     def innovations(self, x: Rows, across: Across = map) -> Rows:
         """Return rows whitened by the filter alone, shape (N,) or (N, k), in their precision."""
@@ -213,7 +218,8 @@ class Noise:
 
 def first_noise(bench: Bench, values: Values) -> Noise:
     """Return the noise before anything is known of it."""
-    return Noise(bench, dict(values), Forces.of(np.zeros(5), *_level(bench, values)), np.ones(len(bench.runs)))
+    forces = Forces.of(np.zeros(5), *_level(bench, values))
+    return Noise(bench, dict(values), forces, np.ones(len(bench.runs)), bench.resting_with(values))
 
 
 def with_usual_forces(noise: Noise) -> Noise | None:
@@ -285,7 +291,7 @@ def estimate(
     modes, logarithm = _modes(bench, now.directions, found, scale)
     noise = replace(noise, scale=scale, modes=modes)
     e = noise.white(residual - common @ now.common.astype(np.float32), bench.pool.map)
-    return replace(noise, cost=float(0.5 * (e @ e) + 0.5 * (noise.logarithm + logarithm)))
+    return replace(noise, cost=float(0.5 * (e @ e) + 0.5 * (noise.logarithm(bench.valid) + logarithm)))
 
 
 def unexplained(noise: Noise, residual: FloatArray, common: SingleArray) -> FloatArray:
@@ -331,12 +337,12 @@ def _likeliest(bench: Bench, near: Noise, rest: FloatArray, level: tuple[float, 
     """
 
     def noise(theta: FloatArray, own: FloatArray) -> Noise:
-        return Noise(bench, near.values, Forces.of(theta, *level), own)
+        return replace(near, forces=Forces.of(theta, *level), own=own)
 
     def cost(theta: FloatArray) -> float:
         trial = noise(theta, near.own)
         w = trial.innovations(rest, bench.pool.map)[bench.moves]
-        return float(0.5 * (w @ w) + 0.5 * trial.logarithm + 0.5 * np.sum((theta / _BETWEEN_RIGS) ** 2))
+        return float(0.5 * (w @ w) + 0.5 * trial.logarithm(bench.moves) + 0.5 * np.sum((theta / _BETWEEN_RIGS) ** 2))
 
     options: Any = {"maxfev": _EVALUATIONS, "initial_tr_radius": radius, "final_tr_radius": _RESOLVED}
     found = minimize(cost, near.forces.theta(level[0]), method="COBYQA", options=options)
@@ -347,7 +353,7 @@ def _likeliest(bench: Bench, near: Noise, rest: FloatArray, level: tuple[float, 
             "their units are taken for: flexdrive check."
         )
     own = _own(bench, noise(np.asarray(found.x), np.ones(len(bench.runs))), rest)
-    return replace(noise(np.asarray(found.x), own), scale=near.scale, cost=float(found.fun))
+    return replace(noise(np.asarray(found.x), own), cost=float(found.fun))
 
 
 def _own(bench: Bench, noise: Noise, rest: FloatArray) -> FloatArray:

@@ -24,6 +24,8 @@ WORTH = 2.0
 # iterations of a first try from every start, and the share of a start's sizes that a second one has
 _TRY = 4
 _SMALL = 0.1
+# first tries of the candidate that is ahead that are carried to the end
+_ENDS = 2
 # finite difference that sees over rests and slips, in scaled coordinates
 _LONG = 0.05
 # share of an effect that stands for its derivative
@@ -64,11 +66,14 @@ def fit_candidates(
         is told without it is not what they are to be judged by.
     """
     bench = base.bench
-    best = _tried(base, noise, jobs)
+    tried = _tried(base, noise, jobs)
+    best = {name: tries[0] for name, tries in tried.items()}
     if not far(base) and best:
         white = noise.white(base.residual)
         first = min(best, key=lambda n: best[n][1].cost)
-        best[first] = best[first][0], _at_optimum(noise, best[first][1])
+        # one optimum is not the only one, and all that follows is around it
+        ends = bench.pool.map(lambda item: (item[0], _at_optimum(noise, item[1])), tried[first])
+        best[first] = min(ends, key=lambda item: item[1].cost)
         if float(white @ white) - best[first][1].cost > enough:
             return best
     # those that are ahead, and those that the linear change puts first, however far their fits have to go
@@ -93,8 +98,10 @@ def nearest(
     return {**fits, **{n: own for n, own in others.items() if n not in fits or own[1].cost < fits[n][1].cost}}
 
 
-def _tried(base: Fit, noise: Metric, jobs: Sequence[tuple[Candidate, Values]]) -> dict[Name, tuple[Candidate, Fit]]:
-    """Return the best first try of every candidate."""
+def _tried(
+    base: Fit, noise: Metric, jobs: Sequence[tuple[Candidate, Values]]
+) -> dict[Name, list[tuple[Candidate, Fit]]]:
+    """Return the best first tries of every candidate, the best one first."""
     bench = base.bench
     jobs = [job for job in jobs if resolved(job[1])]
     white = noise.white(base.residual)
@@ -111,11 +118,14 @@ def _tried(base: Fit, noise: Metric, jobs: Sequence[tuple[Candidate, Values]]) -
                 found = min(found, fit(bench, noise, small, names, iterations=_TRY, near=base), key=lambda f: f.cost)
         return candidate, found
 
-    best: dict[Name, tuple[Candidate, Fit]] = {}
+    tries: dict[Name, list[tuple[Candidate, Fit]]] = {}
     for candidate, found in bench.pool.map(tried, jobs):
-        if candidate.name not in best or found.cost < best[candidate.name][1].cost:
-            best[candidate.name] = candidate, found
-    return best
+        own = tries.setdefault(candidate.name, [])
+        own.append((candidate, found))
+        own.sort(key=lambda item: item[1].cost)
+        # a fit has derivatives of all rows
+        del own[_ENDS:]
+    return tries
 
 
 def _ended(base: Fit, noise: Metric, best: Mapping[Name, tuple[Candidate, Fit]]) -> dict[Name, tuple[Candidate, Fit]]:

@@ -28,11 +28,12 @@ KINDS = (
 )
 
 
-def data_set(effects=None, *, force=0.05, kinds=KINDS, t=T, rig=RIG):
-    """A few runs of a rig that may have effects; ``force`` is the rms of a white force [V]."""
+def data_set(effects=None, *, force=0.05, kinds=KINDS, t=T, rig=RIG, first=0):
+    """A few runs of a rig that may have effects; ``force`` is the rms of a white force [V], drawn from seeds ``first`` on."""
     drive = Drive({**rig, **COUNTS, **(effects or {})})
     return [
-        replace(run(drive, *kind, t=t, force=force, seed=i), quantum=(QUANTUM, QUANTUM)) for i, kind in enumerate(kinds)
+        replace(run(drive, *kind, t=t, force=force, seed=first + i), quantum=(QUANTUM, QUANTUM))
+        for i, kind in enumerate(kinds)
     ]
 
 

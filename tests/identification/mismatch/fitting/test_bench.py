@@ -49,3 +49,17 @@ def test_a_long_day_has_rows_of_twice_the_length():
         # the last row is that of a single sample
         pairs = one[:-1].reshape(-1, 2)
         np.testing.assert_allclose(other[:-1], pairs.mean(axis=1), atol=1e-9)
+
+
+def test_who_rests_rests_in_the_simulation_too():
+    """In a slow sine both carts rest; a simulation without dry friction goes on moving, and nothing holds it."""
+    with bench_of(data_set(force=0.0, kinds=(("sine", 0.9, 0.5),))) as bench:
+        (measured,), (true,), (slippery,) = (
+            bench.resting,
+            bench.resting_with(RIG),
+            bench.resting_with({**RIG, "d1": 0.0, "d2": 0.0}),
+        )
+    assert np.mean(measured == 3) > 0.2
+    assert np.mean(true == measured) > 0.97
+    assert not np.any(true & ~measured)
+    assert np.mean(slippery > 0) < 0.3 * np.mean(measured > 0)

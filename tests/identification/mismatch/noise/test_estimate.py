@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identification.mismatch.fitting.fit import fit
 from identification.mismatch.noise.estimate import estimate, first_noise, with_usual_forces
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import bench_of, data_set
@@ -52,3 +53,15 @@ def test_recordings_whitened_side_by_side_are_the_same(bench):
 def test_a_likelihood_that_is_no_number_is_an_error(bench):
     with pytest.raises(ValueError, match="recordings: their likelihood must be a number; got nan"):
         estimate(bench, RIG, np.full(len(bench.valid), np.nan), ())
+
+
+def test_forces_that_nobody_knows_are_no_friction():
+    """On a restless drive rest is an outcome of these forces: who believes every rest of the data finds a seventh too much."""
+    names, found = ("m1", "m2", "b1", "k", "d1", "d2"), []
+    kinds = (("sine", 0.9, 0.5), ("sine", 1.2, 0.8), ("square", 1.0, 0.8), ("sine", 1.5, 1.2), ("sine", 2.0, 2.0))
+    for seed in range(8):
+        with bench_of(data_set(force=1.5, kinds=kinds, t=np.arange(5001) * 1e-3, first=100 * seed)) as bench:
+            noise = estimate(bench, RIG, bench.residual(RIG), ())
+            values = fit(bench, noise, RIG, names).values
+            found.append(values["d1"] + values["d2"])
+    assert np.mean(found) == pytest.approx(RIG["d1"] + RIG["d2"], rel=0.08)

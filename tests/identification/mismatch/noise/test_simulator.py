@@ -1,10 +1,12 @@
 """Data sets in which nothing is left out."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from flexdrive_gym import Recording
-from identification.mismatch.noise.estimate import Forces, Noise
+from identification.mismatch.noise.estimate import Forces, first_noise
 from identification.mismatch.noise.nuisance import directions
 from identification.mismatch.noise.simulator import Simulator
 from tests.drive.drives import RIG
@@ -14,7 +16,7 @@ from tests.identification.mismatch.lab import bench_of, data_set
 def test_draws_under_unknown_forces_are_white_once_whitened():
     rig = {**RIG, "d1": 0.0, "d2": 0.0}
     with bench_of(data_set(force=0.0, rig=rig)[2:4]) as bench:
-        noise = Noise(bench, rig, Forces((5e-3, 2e-3), (0.02, 0.01), 0.2), np.ones(2))
+        noise = replace(first_noise(bench, rig), forces=Forces((5e-3, 2e-3), (0.02, 0.01), 0.2))
         simulator = Simulator(bench, rig, noise, ())
         white = noise.white(simulator.rows(range(8), [1]))
         moving = white[bench.moves]
@@ -25,7 +27,7 @@ def test_draws_under_unknown_forces_are_white_once_whitened():
 
 def test_a_draw_does_not_depend_on_those_that_are_made_with_it():
     with bench_of(data_set(force=0.0)[2:4]) as bench:
-        noise = Noise(bench, RIG, Forces((5e-3, 2e-3), (0.02, 0.01), 0.2), np.ones(2))
+        noise = replace(first_noise(bench, RIG), forces=Forces((5e-3, 2e-3), (0.02, 0.01), 0.2))
         simulator = Simulator(bench, RIG, noise, directions(bench, RIG))
         many, one = simulator.rows(range(30), [1]), simulator.rows(range(25, 26), [1])
         assert many[:, 25] == pytest.approx(one[:, 0], abs=1e-3 * float(np.std(one)))
@@ -40,6 +42,6 @@ def test_forces_shake_a_drive_alike_however_fast_it_was_sampled():
     found = []
     for runs in (fine, coarse):
         with bench_of(runs) as bench:
-            noise = Noise(bench, rig, Forces((5e-3, 2e-3), (0.02, 0.01), 0.2), np.ones(2))
+            noise = replace(first_noise(bench, rig), forces=Forces((5e-3, 2e-3), (0.02, 0.01), 0.2))
             found.append(np.std(Simulator(bench, rig, noise, ()).rows(range(60), [1])))
     assert found[1] == pytest.approx(found[0], rel=0.05)

@@ -2,11 +2,14 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 from scipy.stats import multivariate_normal
 
 from identification.mismatch.noise.whiten import STATES, Filter, transitions
 
 VALUES = {"m1": 8e-4, "b1": 0.01, "m2": 5e-4, "b2": 3e-3, "k": 0.09}
+# stiff drives, heavy ones, and whatever else a search may ask for
+DECADES = {"m1": (-7, -2), "b1": (-4, -1), "m2": (-7, -2), "b2": (-4, -1), "k": (-3, 2)}
 H, RHO = 0.005, 2e-6
 FORCES = np.array([4e-3, 2e-3]), np.array([0.05, 0.02]), 0.3
 
@@ -47,7 +50,6 @@ def test_innovations_have_the_likelihood_of_the_dense_normal_distribution(mode):
     rows = np.ascontiguousarray(y.reshape(n, 2).T[..., None])
     valid = np.ones((2, n), dtype=bool)
     filter_ = Filter.of(A, Q, np.array(mode, dtype=np.int64), start, np.full(2, RHO), valid)
-    # the density counts resting carts, too; the filter's own sum of logarithms does not
     logarithm = float(np.log(filter_.variance).sum())
     own = -0.5 * (np.sum(filter_.white(rows) ** 2) + logarithm + 2 * n * np.log(2.0 * np.pi))
     assert own == pytest.approx(
@@ -97,6 +99,37 @@ def test_one_column_is_whitened_as_it_is_among_others(step):
     rows = rng.normal(size=(2, n, 3))
     own = Filter.of(A, Q, mode, start, np.full(2, RHO), valid, step)
     assert own.white(rows[..., :1])[..., 0] == pytest.approx(own.white(rows)[..., 0], rel=1e-9, abs=1e-9)
+
+
+def test_transitions_are_the_exponential_and_the_integral():
+    """C. F. Van Loan, Computing integrals involving the matrix exponential, 1978: exact where nothing is stiff."""
+    h, (A, Q) = 1e-3, transitions(VALUES, 1e-3, *FORCES)
+    m1, m2, b1, b2, k = (VALUES[n] for n in ("m1", "m2", "b1", "b2", "k"))
+    q, s, tau = FORCES
+    F, L = (
+        np.zeros((STATES, STATES)),
+        np.diag([0.0, (q[0] / m1) ** 2, 0.0, (q[1] / m2) ** 2, *(2.0 * s**2 / tau), 0.0, 0.0]),
+    )
+    F[0, 1] = F[2, 3] = 1.0
+    F[1, :5] = [-k / m1, -b1 / m1, k / m1, 0.0, 1.0 / m1]
+    F[3, :6] = [k / m2, 0.0, -k / m2, -b2 / m2, 0.0, 1.0 / m2]
+    F[4, 4] = F[5, 5] = -1.0 / tau
+    both = expm(np.block([[-F, L], [np.zeros_like(F), F.T]]) * h)
+    assert A[0] == pytest.approx(expm(F * h), rel=1e-9, abs=1e-15)
+    assert Q[0] == pytest.approx(both[STATES:, STATES:].T @ both[:STATES, STATES:], rel=1e-6, abs=1e-15)
+
+
+def test_innovations_of_any_drive_have_a_variance():
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        values = {n: 10.0 ** rng.uniform(*d) for n, d in DECADES.items()}
+        rho, h = 10.0 ** rng.uniform(-10, -3), float(rng.choice([0.002, 0.005, 0.01]))
+        slow = 10.0 ** rng.uniform(-6, 0, 2)
+        A, Q = transitions(values, h, 10.0 ** rng.uniform(-6, 0, 2), slow, 10.0 ** rng.uniform(-2, 1))
+        mode = rng.integers(0, 4, 400).repeat(rng.integers(1, 40))[:400].astype(np.int64)
+        start = np.array([rho, 0.0, rho, 0.0, *(slow**2), 0.0, 0.0])
+        made = Filter.of(A, Q, mode, start, np.full(2, rho), np.ones((2, 400), dtype=bool))
+        assert np.min(made.variance) >= 0.99 * rho
 
 
 def test_a_drive_without_inertia_follows_its_force():

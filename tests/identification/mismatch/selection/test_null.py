@@ -1,9 +1,11 @@
 """The null distribution: how rare gains are, p-values, and draws that look as the noise does."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from identification.mismatch.noise.estimate import Forces, Noise
+from identification.mismatch.noise.estimate import Forces, first_noise
 from identification.mismatch.noise.scatter import scattered
 from identification.mismatch.selection.null import Null
 from tests.drive.drives import RIG
@@ -79,7 +81,7 @@ def test_a_p_value_is_no_smaller_than_a_likelihood_ratio_among_so_many_names_all
 
 def test_a_blow_counts_no_more_than_the_edge_of_a_normal_distribution():
     with bench_of(data_set(force=0.0)[2:3]) as bench:
-        noise = Noise(bench, RIG, Forces((5e-3, 2e-3), (0.02, 0.01), 0.2), np.ones(1))
+        noise = replace(first_noise(bench, RIG), forces=Forces((5e-3, 2e-3), (0.02, 0.01), 0.2))
         left = np.zeros(len(bench.valid))
         at = int(np.flatnonzero(bench.moves)[100])
         left[at] = 1e3

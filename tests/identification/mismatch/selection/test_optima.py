@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from identification.mismatch.candidates.catalogue import catalogue
@@ -89,10 +90,12 @@ def test_a_motor_behind_a_gap_is_found_from_a_base_model_that_counts_it_to_the_c
         split = [(c, c.beside(whole.values, c.start)) for c in motors]
         heavy = [(c, {**whole.values, **c.start}) for c in motors]
         _, found = fit_candidates(whole, whole.metric, split)["motor_gear_backlash", "drivetrain"]
-        first, other = (
-            min(fit(bench, whole.metric, v, (*whole.names, *c.keys), iterations=4).cost for c, v in jobs)
+        fits = [
+            [fit(bench, whole.metric, v, (*whole.names, *c.keys), iterations=4) for c, v in jobs]
             for jobs in (split, heavy)
-        )
+        ]
+        # the squared error of velocities, whatever the noise is held to be
+        first, other = (min(float(np.sum(bench.residual(f.values)[bench.valid] ** 2)) for f in each) for each in fits)
     assert found.values["motor_gear_backlash.gap"] == pytest.approx(0.3, rel=0.1)
     assert first < 0.7 * other
 
