@@ -1,8 +1,9 @@
 """The null distribution: what the same pipeline finds in data of this rig in which nothing is left out.
 
-A draw is a simulation of the present model under everything that is nobody's missing physics: unknown forces of the estimated
-intensities, friction and a track that differ from run to run, and encoder counts. It goes through the drive's own step,
-so what noise does to dry friction is in the draws: it dithers the reversals, for the mean of a non-linear drive is not the drive
+A draw is a simulation of the drive around which the noise was told, under everything that is nobody's missing physics: unknown
+forces of the estimated intensities, friction and a track that differ from run to run, and encoder counts. (Around another drive a
+cart rests at other instants than the noise knows of, and a draw would gain from that.) It goes through the drive's own step, so
+what noise does to dry friction is in the draws: it dithers the reversals, for the mean of a non-linear drive is not the drive
 of the mean. Every candidate's gain is computed in every draw as it is in the data. Each name is judged by the tail of its own
 draws, for a candidate that acts near reversals, or like a slope of the track, gains more in data that lack nothing, and in a
 few of them much more: the index of a tail is Hill's (B. M. Hill, Ann. Statist. 3, 1975). The rarest gain of the catalogue gives
@@ -19,7 +20,7 @@ from functools import partial
 import numpy as np
 
 from flexdrive_gym.recording import FloatArray
-from identification.mismatch.fitting.bench import Bench, SingleArray, Values
+from identification.mismatch.fitting.bench import SingleArray
 from identification.mismatch.noise.estimate import Noise
 from identification.mismatch.noise.nuisance import Direction
 from identification.mismatch.noise.scatter import scattered
@@ -95,7 +96,7 @@ def _score(gain: FloatArray, often: float, index: float) -> FloatArray:
 
 
 def first_draws(
-    bench: Bench, values: Values, noise: Noise, found: Sequence[Direction], left: FloatArray, seed: Sequence[int]
+    noise: Noise, found: Sequence[Direction], left: FloatArray, seed: Sequence[int]
 ) -> tuple[Noise, SingleArray]:
     """Return the noise with the weights that simulations of it and unexplained rows tell, and their whitened rows.
 
@@ -104,14 +105,13 @@ def first_draws(
     Noise
     ndarray, shape (N, draws)
     """
-    raw = Simulator(bench, values, noise, found).rows(range(_CHUNK), seed)
+    raw = Simulator(noise.bench, noise.values, noise, found).rows(range(_CHUNK), seed)
     noise = scattered(noise, raw, left, found)
-    return noise, noise.white(raw, bench.pool.map)
+    return noise, noise.white(raw, noise.bench.pool.map)
 
 
 def null_of(
     linear: Linear,
-    values: Values,
     noise: Noise,
     found: Sequence[Direction],
     first: SingleArray,
@@ -124,8 +124,6 @@ def null_of(
     ----------
     linear
         All candidates around the present model.
-    values
-        Present model.
     found
         Run-to-run variability.
     first : ndarray, shape (N, draws)
@@ -137,7 +135,7 @@ def null_of(
     """
     bench = linear.bench
     gains: list[Table] = judged(linear, first)
-    simulator, made = Simulator(bench, values, noise, found), first.shape[1]
+    simulator, made = Simulator(noise.bench, noise.values, noise, found), first.shape[1]
     while True:
         null = Null.over(gains)
         best = min(null.rarity(n, float(own[0])) for n, own in data.total.items())

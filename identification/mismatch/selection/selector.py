@@ -236,7 +236,7 @@ class Selector:
             found = account.found
             told, left = account.unexplained()
             base = fit(bench, told, base.values, base.names, near=base)
-            noise, first = first_draws(bench, base.values, told, found, left, seed)
+            noise, first = first_draws(told, found, left, seed)
             if linear is None:
                 linear = account.linear if account.model is started else sensitivities(bench, noise, base, candidates)
             linear = linear.around(base, noise)
@@ -284,7 +284,7 @@ class Selector:
         leading = [fits[c.name] for c, _ in leading if c.name in fits]
         linear = linear.around(base, noise)
         table = evaluate(linear, linear.residual[:, None])
-        null = null_of(linear, base.values, noise, found, first, table, seed)
+        null = null_of(linear, noise, found, first, table, seed)
         scored = scores(base, linear, table, fits, null)
         # whatever may be named is fitted before it is, and so is what looks like the leader
         if jobs := self._beside_the_leader(linear, table, scored, leading[:1], candidates):

@@ -25,6 +25,20 @@ def test_draws_under_unknown_forces_are_white_once_whitened():
         assert np.array_equal(white, again)
 
 
+def test_draws_of_a_drive_that_sticks_are_white_at_rest_and_in_motion():
+    """Its noise knows where it rests; around another drive draws rest at other instants, and are no noise."""
+    kinds = (("sine", 0.9, 0.5), ("square", 1.0, 0.8), ("sine", 1.5, 1.2))
+    with bench_of(data_set(kinds=kinds, t=np.arange(5001) * 1e-3)) as bench:
+        noise = replace(first_noise(bench, RIG), forces=Forces((5e-3, 2e-3), (0.05, 0.03), 0.2))
+        own, other = (
+            noise.white(Simulator(bench, drive, noise, ()).rows(range(40), [1]))
+            for drive in (RIG, {**RIG, "input_offset.u0": 0.1})
+        )
+    for which in (bench.moves, ~bench.moves):
+        assert np.sqrt(np.mean(own[which] ** 2)) == pytest.approx(1.0, abs=0.15)
+    assert np.sqrt(np.mean(other[~bench.moves] ** 2)) > 1.5
+
+
 def test_a_draw_does_not_depend_on_those_that_are_made_with_it():
     with bench_of(data_set(force=0.0)[2:4]) as bench:
         noise = replace(first_noise(bench, RIG), forces=Forces((5e-3, 2e-3), (0.02, 0.01), 0.2))
