@@ -56,7 +56,7 @@ def test_a_likelihood_that_is_no_number_is_an_error(bench):
 
 
 def test_forces_that_nobody_knows_are_no_friction():
-    """On a restless drive rest is an outcome of these forces: who believes every rest of the data finds a seventh too much."""
+    """Of a drive that they shake rest is an outcome: who believes every rest of the data finds a seventh too much."""
     names, found = ("m1", "m2", "b1", "k", "d1", "d2"), []
     kinds = (("sine", 0.9, 0.5), ("sine", 1.2, 0.8), ("square", 1.0, 0.8), ("sine", 1.5, 1.2), ("sine", 2.0, 2.0))
     for seed in range(8):
