@@ -45,6 +45,8 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--alpha", type=float, default=0.02)
     given = parser.parse_args(sys.argv[2:])
+    if given.draws < 1:
+        parser.error(f"argument --draws: must be at least 1; got {given.draws}. A calibration takes 500.")
     if given.kind == "rig" and not DATA.is_dir():
         print("skipped: no recordings in ../shared/recordings/mte360_2022")
         return

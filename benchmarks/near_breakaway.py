@@ -3,20 +3,20 @@
 ``python -m benchmarks near_breakaway``. Cart 2 of the handout's rig has a quarter more dry friction in one recording of a sine,
 at frequencies at which it slides, hardly moves, and rests. Printed are the squares of what the filter that whitens leaves: of the
 drive with its usual friction; with as much of each direction as leaves the least (the force along the measured motion, which the
-diagnosis has; the derivative of the simulation; the secant to a quarter more), and of the drive with that friction.
+diagnosis has; the derivative of the simulation; the secant to a quarter more), and of the drive with that friction. Writes a
+picture of one frequency to ``benchmarks/out``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
+from matplotlib.figure import Figure
 
-from flexdrive_gym import Drive, Excitation
+from flexdrive_gym import DEFAULT_DRIVE, Excitation, Recording
+from flexdrive_gym.drive.default import HANDOUT_QUANTUM_MM
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.references import sine
 from identification.mismatch.fitting.bench import Bench
@@ -27,61 +27,78 @@ from identification.mismatch.settings import Settings
 from identification.plots.style import new_figure, save_png
 
 OUT = Path(__file__).parent / "out"
-RIG = {"m1": 7.6e-4, "m2": 3.4e-4, "b1": 0.0096, "b2": 0.0032, "d1": 0.357, "d2": 0.241, "k": 0.095}
-COUNT_MM, AMPLITUDE_V, MORE = 0.0046592, 2.5, 0.25
+USUAL = {name: value for name, value in DEFAULT_DRIVE.values.items() if "." not in name}
+AMPLITUDE_V, MORE = 2.5, 0.25
 FREQUENCIES_HZ, SHOWN_HZ = (3.0, 3.5, 4.0, 4.5, 5.0, 6.0), 4.0
 # rms of a force that the command does not show [V], and step of the derivative
 _FORCE_V, _STEP = 0.05, 0.01
 
 
 def main() -> None:
-    table = Table(
-        "frequency [Hz]", "usual friction", "force along the motion", "derivative", "secant", "its own friction"
-    )
+    print("| sine of 2.5 V at | usual friction | force along the motion | derivative | secant | its own friction |")
+    print("|---|---|---|---|---|---|")
     with ThreadPool(1) as pool:
         for frequency in FREQUENCIES_HZ:
-            table.add_row(f"{frequency:g}", *(f"{s:.0f}" for s in left(frequency, pool)))
-    Console().print(table)
-    print(f"wrote {OUT / 'near_breakaway.png'}")
+            bench = Bench([recording(frequency)], pool, Settings())
+            found = left(bench)
+            print(f"| {frequency:g} Hz | " + " | ".join(f"{x @ x:.0f}" for x in found.values()) + " |")
+            if frequency == SHOWN_HZ:
+                path = save_png(_plot(bench, found), OUT / "near_breakaway.png", 120)
+    print(f"wrote {path}")
 
 
-def left(frequency: float, pool: ThreadPool) -> list[float]:
-    """Return the squares that are left, in the order of the table."""
+def recording(frequency: float) -> Recording:
+    """Return a recording of a sine in which cart 2 has more friction than usual, under a force that the command does not show."""
     t = np.arange(2501) * 1e-3
     u = sine(t, AMPLITUDE_V, frequency)
-    counts = {f"encoder_quantisation.encoder_{i}.quantum": COUNT_MM for i in (1, 2)}
     force = _FORCE_V * np.random.default_rng(0).normal(size=len(t))
-    rubbing = _with_more(MORE)
-    run = replace(Drive({**rubbing, **counts}).simulate(t, u + force, name="sine"), u=u, x1=None, x2=None)
-    recording = replace(run, excitation=Excitation("sine", AMPLITUDE_V, frequency), quantum=(COUNT_MM, COUNT_MM))
-    bench = Bench([recording], pool, Settings())
-    noise, here, own = first_noise(bench, RIG), bench.residual(RIG), bench.residual(rubbing)
-    along = next(d.change for d in directions(bench, RIG) if d.group == "friction of cart 2")
-    derivative = (bench.residual(_with_more(_STEP)) - bench.residual(_with_more(-_STEP))) / (2.0 * _STEP)
-    if frequency == SHOWN_HZ:
-        _plot(bench, here, [along, derivative, (own - here) / MORE], noise.innovations)
-    white, *ways = (noise.innovations(x) for x in (here, along, derivative, (own - here) / MORE))
-    by_direction = [float(white @ white - (white @ D) ** 2 / (D @ D)) for D in ways]
-    return [float(white @ white), *by_direction, float(np.sum(noise.innovations(own) ** 2))]
+    made = DEFAULT_DRIVE.replace(d2=(1.0 + MORE) * DEFAULT_DRIVE["d2"]).simulate(t, u + force, name="sine")
+    excitation = Excitation("sine", AMPLITUDE_V, frequency)
+    return replace(made, u=u, x1=None, x2=None, excitation=excitation, quantum=(HANDOUT_QUANTUM_MM,) * 2)
 
 
-def _with_more(share: float) -> dict[str, float]:
-    return {**RIG, "d2": RIG["d2"] * (1.0 + share)}
+def left(bench: Bench) -> dict[str, FloatArray]:
+    """Return what the filter leaves of the rows by the column of the table, ndarray, shape (N,)."""
+    whitened = first_noise(bench, USUAL).innovations
+    here, own = bench.residual(USUAL), bench.residual(_rubbing(MORE))
+    ways = {
+        "force along the motion": next(d.change for d in directions(bench, USUAL) if d.group == "friction of cart 2"),
+        "derivative": bench.residual(_rubbing(_STEP)) - bench.residual(_rubbing(-_STEP)),
+        "secant": own - here,
+    }
+    e = whitened(here)
+    found = {"usual friction": e}
+    for name, way in ways.items():
+        D = whitened(way)
+        found[name] = e - D * (D @ e) / (D @ D)
+    return {**found, "its own friction": whitened(own)}
 
 
-def _plot(bench: Bench, here: FloatArray, ways: list[FloatArray], whitened: Callable[[FloatArray], FloatArray]) -> None:
+def _rubbing(share: float) -> dict[str, float]:
+    return {**USUAL, "d2": (1.0 + share) * USUAL["d2"]}
+
+
+def _plot(bench: Bench, found: dict[str, FloatArray]) -> Figure:
     figure = new_figure(5.0)
-    axes = figure.subplots(2, 1, sharex=True)
-    rows = bench.pieces[1].rows
-    t = np.arange(rows.stop - rows.start) * bench.runs[0].block * bench.runs[0].sample_time
-    named = zip(("force along the motion", "derivative", "secant"), ways, strict=True)
-    lines = [("what is to be explained", here), *((name, -MORE * D) for name, D in named)]
-    for name, x in lines:
-        axes[0].plot(t, x[rows], label=name, linewidth=1.0)
-        axes[1].plot(t, whitened(x)[rows], linewidth=1.0)
-    axes[0].set_ylabel("cart 2, measured\nminus simulated [mm/s]")
-    axes[1].set_ylabel("whitened [1]")
-    axes[1].set_xlabel("t [s]")
-    axes[0].set_xlim(1.0, 1.75)
-    axes[0].legend(loc="upper right")
-    save_png(figure, OUT / "near_breakaway.png", 120)
+    above, below = figure.subplots(2, 1, sharex=True)
+    rows, run = bench.pieces[1].rows, bench.runs[0]
+    t = np.arange(rows.stop - rows.start) * run.block * run.sample_time
+    sampled = np.arange(len(run.u)) * run.sample_time
+    above.plot(sampled, run.measured[1], color="0.6", linewidth=0.8, label="measured")
+    for name, values in (("usual friction", USUAL), ("a quarter more", _rubbing(MORE))):
+        # what is simulated is what is measured less the rows
+        above.plot(t, _mean(run.measured[1], run.block) - bench.residual(values)[rows], linewidth=1.2, label=name)
+    for name in ("force along the motion", "derivative", "secant"):
+        below.plot(t, found[name][rows], linewidth=1.0, label=name)
+    above.set_ylabel("velocity of\ncart 2 [mm/s]")
+    below.set_ylabel("left by the filter\n[standard deviations]")
+    below.set_xlabel("t [s]")
+    above.set_xlim(1.0, 1.75)
+    for axes in (above, below):
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    return figure
+
+
+def _mean(x: FloatArray, block: int) -> FloatArray:
+    edges = np.arange(0, len(x), block)
+    return np.asarray(np.add.reduceat(x, edges) / np.diff([*edges, len(x)]))
