@@ -2,13 +2,14 @@
 
 ``python -m benchmarks near_breakaway``. Cart 2 of the handout's rig has a quarter more dry friction in one recording of a sine,
 at frequencies at which it slides, hardly moves, and rests. Printed are the squares of what the filter that whitens leaves: of the
-drive with its usual friction; with as much of each direction as leaves the least (the force along the measured motion, which the
-diagnosis has; the derivative of the simulation; the secant to a quarter more), and of the drive with that friction. Writes a
-picture of one frequency to ``benchmarks/out``.
+drive with its usual friction; with as much of each direction as leaves the least (the force along the measured motion; the
+derivative of the simulation; the secant to a quarter more; what the diagnosis takes), and of the drive with that friction. Writes
+a picture of one frequency to ``benchmarks/out``.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,8 +22,9 @@ from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.references import sine
 from identification.mismatch.fitting.bench import Bench
 from identification.mismatch.fitting.thread_pool import ThreadPool
+from identification.mismatch.noise.breakaway import with_secants
 from identification.mismatch.noise.estimate import first_noise
-from identification.mismatch.noise.nuisance import directions
+from identification.mismatch.noise.nuisance import Direction, directions, friction_of
 from identification.mismatch.settings import Settings
 from identification.plots.style import new_figure, save_png
 
@@ -35,8 +37,10 @@ _FORCE_V, _STEP = 0.05, 0.01
 
 
 def main() -> None:
-    print("| sine of 2.5 V at | usual friction | force along the motion | derivative | secant | its own friction |")
-    print("|---|---|---|---|---|---|")
+    print(
+        "| sine of 2.5 V at | usual friction | force along the motion | derivative | secant | in the diagnosis | its own |"
+    )
+    print("|---|---|---|---|---|---|---|")
     with ThreadPool(1) as pool:
         for frequency in FREQUENCIES_HZ:
             bench = Bench([recording(frequency)], pool, Settings())
@@ -59,19 +63,25 @@ def recording(frequency: float) -> Recording:
 
 def left(bench: Bench) -> dict[str, FloatArray]:
     """Return what the filter leaves of the rows by the column of the table, ndarray, shape (N,)."""
-    whitened = first_noise(bench, USUAL).innovations
+    noise, found = first_noise(bench, USUAL), directions(bench, USUAL)
+    whitened = noise.innovations
     here, own = bench.residual(USUAL), bench.residual(_rubbing(MORE))
     ways = {
-        "force along the motion": next(d.change for d in directions(bench, USUAL) if d.group == "friction of cart 2"),
+        "force along the motion": _change(found),
         "derivative": bench.residual(_rubbing(_STEP)) - bench.residual(_rubbing(-_STEP)),
         "secant": own - here,
+        "in the diagnosis": _change(with_secants(bench, USUAL, found, noise)),
     }
     e = whitened(here)
-    found = {"usual friction": e}
+    rest = {"usual friction": e}
     for name, way in ways.items():
         D = whitened(way)
-        found[name] = e - D * (D @ e) / (D @ D)
-    return {**found, "its own friction": whitened(own)}
+        rest[name] = e - D * (D @ e) / (D @ D)
+    return {**rest, "its own friction": whitened(own)}
+
+
+def _change(found: Sequence[Direction]) -> FloatArray:
+    return next(d.change for d in found if d.group == friction_of(1))
 
 
 def _rubbing(share: float) -> dict[str, float]:
@@ -88,7 +98,7 @@ def _plot(bench: Bench, found: dict[str, FloatArray]) -> Figure:
     for name, values in (("usual friction", USUAL), ("a quarter more", _rubbing(MORE))):
         # what is simulated is what is measured less the rows
         above.plot(t, _mean(run.measured[1], run.block) - bench.residual(values)[rows], linewidth=1.2, label=name)
-    for name in ("force along the motion", "derivative", "secant"):
+    for name in ("force along the motion", "derivative", "in the diagnosis"):
         below.plot(t, found[name][rows], linewidth=1.0, label=name)
     above.set_ylabel("velocity of\ncart 2 [mm/s]")
     below.set_ylabel("left by the filter\n[standard deviations]")

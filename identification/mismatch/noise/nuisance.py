@@ -102,6 +102,11 @@ class Push(NamedTuple):
     wave: tuple[str, float, int] | None = None
 
 
+def friction_of(c: int) -> str:
+    """Return the group of a cart's friction that is a run's own."""
+    return f"friction of cart {c + 1}"
+
+
 def waves(units: Units) -> dict[str, tuple[float, ...]]:
     """Return the wavelengths of a track by band, in the engine's mm."""
     turn = units.revolution
@@ -142,7 +147,7 @@ def _on_cart(bench: Bench, values: Values, c: int, typical: float) -> list[Push]
             -level_along(values, run, c) * moving(run.measured[c], run.sample_time, positions=run.positions)
             for run in bench.runs
         ]
-        made.append(Push(f"friction {cart}", LEVEL, partial(_shaped, c, against, None)))
+        made.append(Push(friction_of(c), LEVEL, partial(_shaped, c, against, None)))
         longest = max(len(run.u) * run.sample_time for run in bench.runs)
         hats = (partial(_hat, bench, k * KNOT_S) for k in range(int(np.ceil(longest / KNOT_S)) + 1))
         made += [Push(f"wander {cart}", WANDER, partial(_shaped, c, against, hat)) for hat in hats]

@@ -10,6 +10,7 @@ from identification.mismatch.candidates.catalogue import Candidate
 from identification.mismatch.candidates.free import shapes
 from identification.mismatch.fitting.bench import Bench
 from identification.mismatch.fitting.fit import Fit
+from identification.mismatch.noise.breakaway import with_secants
 from identification.mismatch.noise.estimate import Noise, estimate, first_noise, unexplained, with_usual_forces
 from identification.mismatch.noise.friction import dry_level
 from identification.mismatch.noise.nuisance import Direction, directions
@@ -58,8 +59,9 @@ class Account:
             Run-to-run variability that has a name already.
         """
         bench, values = model.bench, model.values
-        found = (*directions(bench, values), *phases)
-        linear = sensitivities(bench, near or first_noise(bench, values), model, candidates)
+        before = first_noise(bench, values) if near is None else near
+        found = (*with_secants(bench, values, directions(bench, values), before), *phases)
+        linear = sensitivities(bench, before, model, candidates)
         return cls(model, found, linear, estimate(bench, values, model.residual, found, near, linear.common))
 
     def freed(

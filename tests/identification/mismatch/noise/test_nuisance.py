@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexdrive_gym.units import LAB, Units
-from identification.mismatch.noise.estimate import estimate, first_noise
+from identification.mismatch.noise.estimate import estimate
 from identification.mismatch.noise.nuisance import INSTANT, WAVES_MM, directions, waves
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import KINDS, bench_of, data_set
@@ -69,14 +69,3 @@ def test_no_clock_is_off_by_more_than_its_sample(bench):
     late = bench.residual({**RIG, "input_delay.tau": 8e-3})
     assert estimate(bench, RIG, late, found).scale["sampling instant"] <= 1.0
     assert instant.size < 0.5
-
-
-@pytest.mark.xfail(reason="variability is linear in the friction of a run (docs/decisions/0051)", strict=True)
-def test_friction_of_a_run_that_nearly_holds_a_cart_is_variability():
-    """At 4 Hz a quarter more friction nearly holds cart 2: nobody's missing physics, and to be explained as well as it can be."""
-    rubbing = {**RIG, "d2": 1.25 * RIG["d2"]}
-    with bench_of(data_set(rig=rubbing, kinds=(("sine", 2.5, 4.0),))) as bench:
-        (own,) = [d for d in directions(bench, RIG) if d.group == "friction of cart 2"]
-        whitened = first_noise(bench, RIG).innovations
-        e, D, least = (whitened(x) for x in (bench.residual(RIG), own.change, bench.residual(rubbing)))
-    assert e @ e - (e @ D) ** 2 / (D @ D) < 1.2 * (least @ least)
