@@ -34,7 +34,7 @@ from identification.mismatch.force.maps import draw_maps, harmonics, located
 from identification.mismatch.force.missing_force import missing_force
 from identification.mismatch.noise.simulator import Simulator
 from identification.mismatch.selection.optima import without
-from identification.mismatch.selection.output_error import output_error, share_of_error
+from identification.mismatch.selection.output_error import needed, output_error, share_of_error
 from identification.mismatch.selection.ranking import Round, Scored, dispensable
 from identification.mismatch.selection.selector import Selection, Selector
 from identification.mismatch.settings import Settings
@@ -159,10 +159,13 @@ class _Result:
         accepted, model = list(self.selection.accepted), self.selection.model
         while accepted:
             last = output_error(self.bench, model, self.base)
-            asked = dispensable([s for s, _ in accepted])
+            # a name beside no other was asked when it was named
+            asked = dispensable([s for s, _ in accepted]) if len(self.selection.accepted) > 1 else []
             shares = self.pool.map(partial(share_of_error, best=last), asked)
-            least, idle = min(zip(shares, asked, strict=True), key=lambda item: item[0])
-            if least >= self.bench.settings.relevant:
+            first, settings = self.selection.accepted[0][0], self.bench.settings
+            taken_off = sorted(zip(shares, asked, strict=True), key=lambda item: item[0])
+            idle = next((s for x, s in taken_off if not needed(s, x, first=s is first, settings=settings)), None)
+            if idle is None:
                 return last, accepted
             accepted = [(s, step) for s, step in accepted if s is not idle]
             if isinstance(idle.candidate, Candidate):

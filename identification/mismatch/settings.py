@@ -59,9 +59,10 @@ class Settings:
     rounds
         Largest number of effects: five fill the tables of a report, and no development data set has more than two.
     relevant
-        Share of the squared output error that a finding takes off at least [1]. Neighbouring rows of 5 ms correlate by 0.97, so
-        that 600 of the 40,000 of a data set are independent: of a hundred parameters that are fitted to nothing one takes off
-        more. Friction that differs from run to run lasts longer, so recordings that are left out must gain, too.
+        Share of the squared output error that a finding beside another, or a ripple, takes off at least [1]. Neighbouring rows of
+        5 ms correlate by 0.97, so that 600 of the 40,000 of a data set are independent: of a hundred parameters that are fitted
+        to nothing one takes off more. Friction that differs from run to run lasts longer, so recordings that are left out must
+        gain, too, and of a first finding no more is asked.
     relevant_deflection
         The same of the deflection [1], whose error lasts until a cart moves on: a data set has a hundred independent ones, of
         which the best of a hundred parameters that are fitted to nothing takes off 2 ln(100) / 100.

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from identification.mismatch.answer.finding import Curve, Named, Unnamed, phrase
+from identification.mismatch.candidates.catalogue import Candidate
 from identification.mismatch.candidates.free import FOLLOWS, Shape
 from identification.mismatch.candidates.narrow_band import Line
 from identification.mismatch.fitting.bench import Bench
@@ -53,10 +54,12 @@ def _free(bench: Bench, step: Round, shape: Shape | Line) -> Unnamed:
 def _like(step: Round) -> Unnamed:
     """Return what is nearest to an effect that no name describes."""
     best, relevant = step.best, step.base.bench.settings.relevant
-    text = (
-        f"most like {phrase(best.name[0])}, which takes less than {relevant:.0%} off the squared error of a simulation"
-        ", or brings recordings that are left out no nearer"
+    why = (
+        "brings recordings that are left out no nearer"
+        if isinstance(best.candidate, Candidate)
+        else f"takes less than {relevant:.0%} off the squared error of a simulation"
     )
+    text = f"most like {phrase(best.name[0])}, which {why}"
     return Unnamed(best.name[1], share_of(best, step), text, _nearest(step.scored, best.total))
 
 

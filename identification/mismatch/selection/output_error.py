@@ -19,6 +19,7 @@ from identification.mismatch.fitting.levels import Levels
 from identification.mismatch.fitting.score import bounded
 from identification.mismatch.selection.optima import without
 from identification.mismatch.selection.ranking import Scored
+from identification.mismatch.settings import Settings
 
 # of weights: errors that levels are taken from are those of a fit with the levels before
 _ROUNDS = 2
@@ -73,6 +74,15 @@ def share_of_error(scored: Scored, best: Fit) -> float:
     without_it = _deflection(less)
     of_deflection = 1.0 - _deflection(best) / without_it if without_it > 0.0 else 0.0
     return max(own, of_deflection) if of_deflection >= best.bench.settings.relevant_deflection else own
+
+
+def needed(scored: Scored, share: float, *, first: bool, settings: Settings) -> bool:
+    """Whether a simulation needs a name that takes a share off the squared output error.
+
+    The first, which gains most of all, brings experiments nearer that are left out. No law is exact, so what follows it may be
+    what it does not describe, and a ripple is in no simulation: these must take off what no chance does.
+    """
+    return share > 0.0 if first and isinstance(scored.candidate, Candidate) else share >= settings.relevant
 
 
 def _left_out(less: Fit, best: Fit) -> float:

@@ -33,7 +33,7 @@ from identification.mismatch.selection.optima import (
     refit_base,
     without,
 )
-from identification.mismatch.selection.output_error import held_first, share_of_error
+from identification.mismatch.selection.output_error import held_first, needed, share_of_error
 from identification.mismatch.selection.ranking import MOST, Round, Scored, dispensable, nameless, ranked, scores
 from identification.mismatch.selection.start import Start, candidate_starts, far_starts, misread_starts
 from identification.topology import Topology
@@ -162,11 +162,12 @@ class Selector:
         half = MOST * max((s.total for s in significant), default=0.0)
         order = significant if nameless(step.best) else [step.best, *(s for s in significant if s is not step.best)]
 
-        def needed(s: Scored) -> bool:
+        def stands(s: Scored) -> bool:
+            share, first = self._share(s, step.base), s is step.best and gained <= 0.0
             own = (s is step.best or s.total >= half) and s.total >= self.settings.inexact * gained
-            return self._share(s, step.base) >= (self.settings.relevant if own else self.settings.large)
+            return share >= self.settings.large or (own and needed(s, share, first=first, settings=self.settings))
 
-        return next((s for s in order[: _MORE + 1] if needed(s)), None)
+        return next((s for s in order[: _MORE + 1] if stands(s)), None)
 
     def _significant(self, scored: Sequence[Scored]) -> list[Scored]:
         """Return the candidates that gain more than data of this rig in which nothing is left out."""
