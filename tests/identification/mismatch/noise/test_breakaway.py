@@ -50,3 +50,13 @@ def test_a_drive_without_dry_friction_has_none_of_its_own():
     with bench_of(data_set(rig=rig, kinds=(("sine", 2.5, 2.0),))) as bench:
         found = directions(bench, rig)
         assert with_secants(bench, rig, found, first_noise(bench, rig)) == found
+
+
+def test_friction_that_bends_before_it_slides_lets_go_little_by_little():
+    key = "presliding.cart_2.fd"
+    bending = {**RIG, "d2": 0.5 * RIG["d2"], key: 0.5 * RIG["d2"]}
+    with bench_of(data_set(rig={**RIG, "d2": 1.25 * RIG["d2"]}, kinds=(("sine", 2.5, 4.0),))) as bench:
+        found = directions(bench, bending)
+        made = with_secants(bench, bending, found, first_noise(bench, bending))
+        which = [d.group for d in found].index("friction of cart 2")
+    assert made[which] is found[which]
