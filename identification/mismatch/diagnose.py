@@ -159,7 +159,7 @@ class _Result:
         accepted, model = list(self.selection.accepted), self.selection.model
         while accepted:
             last = output_error(self.bench, model, self.base)
-            # a name beside no other was asked when it was named
+            # a name that stands alone was asked in its round
             asked = dispensable([s for s, _ in accepted]) if len(self.selection.accepted) > 1 else []
             shares = self.pool.map(partial(share_of_error, best=last), asked)
             first, settings = self.selection.accepted[0][0], self.bench.settings

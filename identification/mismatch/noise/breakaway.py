@@ -5,8 +5,8 @@ direction near the usual drive jumps at others. Random effects that are not line
 (M. J. Lindstrom, D. M. Bates, Biometrics 46, 1990): the direction of such a recording is the secant to the friction that is
 most probable in it. It is taken only where it leaves less than the most probable amount of the force along the motion does,
 and by more than the best of so many amounts does by chance. Far from the data nobody's friction is extreme, so squares count
-relative to what the usual friction leaves of a row. Friction that bends before it slides lets go little by little, and has no
-such instants.
+relative to what the usual friction leaves of a row. A cart with bristles has no secants: long ones let go little by little, short
+ones do not, and would need them (``docs/decisions/0051``).
 """
 
 from __future__ import annotations

@@ -52,11 +52,22 @@ def test_a_drive_without_dry_friction_has_none_of_its_own():
         assert with_secants(bench, rig, found, first_noise(bench, rig)) == found
 
 
-def test_friction_that_bends_before_it_slides_lets_go_little_by_little():
-    key = "presliding.cart_2.fd"
-    bending = {**RIG, "d2": 0.5 * RIG["d2"], key: 0.5 * RIG["d2"]}
-    with bench_of(data_set(rig={**RIG, "d2": 1.25 * RIG["d2"]}, kinds=(("sine", 2.5, 4.0),))) as bench:
-        found = directions(bench, bending)
-        made = with_secants(bench, bending, found, first_noise(bench, bending))
-        which = [d.group for d in found].index("friction of cart 2")
-    assert made[which] is found[which]
+@pytest.mark.parametrize(
+    "length",
+    [
+        0.1,
+        pytest.param(
+            0.005, marks=pytest.mark.xfail(reason="a cart with bristles has no secants (decision 51)", strict=True)
+        ),
+    ],
+)
+def test_friction_that_bends_before_it_slides_is_variability_too(length):
+    """Bristles of a tenth of a millimetre let go little by little; those of five micrometres as dry friction does."""
+    key = "presliding.cart_2"
+    usual = {**RIG, "d2": 0.05 * RIG["d2"], f"{key}.fd": 0.95 * RIG["d2"], f"{key}.xs": length}
+    rubbing = {**usual, "d2": 1.25 * usual["d2"], f"{key}.fd": 1.25 * usual[f"{key}.fd"]}
+    with bench_of(data_set(rig=rubbing, kinds=(("sine", 2.5, 4.0),))) as bench:
+        noise, found = first_noise(bench, usual), directions(bench, usual)
+        made = next(d for d in with_secants(bench, usual, found, noise) if d.group == "friction of cart 2")
+        e, D, least = (noise.innovations(x) for x in (bench.residual(usual), made.change, bench.residual(rubbing)))
+    assert e @ e - (e @ D) ** 2 / (D @ D) < 1.2 * (least @ least)
