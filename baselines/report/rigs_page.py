@@ -48,6 +48,9 @@ def sentences(found: Row) -> list[str]:
             f"{found['aims']['contradicted_at_most']}), the others lie beyond it."
         ),
     ]
+    worse = [row["title"] for row in found["rigs"] if row["status"] == "examined" and _worse(row["errors"])]
+    if worse:
+        lines.append(f"With what is claimed the error grows on {', '.join(worse)}.")
     if any(row.get("control") for row in found["rigs"]):
         names = "name is" if found["control_claims"] == 1 else "names are"
         lines.append(f"With a look-alike's base model {found['control_claims']} {names} undocumented.")
@@ -74,10 +77,15 @@ def overview(row: Row) -> tuple[str, ...]:
         "; ".join(outcomes) or "nothing concealed",
         "; ".join(claims) or "none",
         f"{_number(errors['before'])} {errors['unit']}",
-        _number(errors["after"]),
+        _number(errors["after"]) + (" worse" if _worse(errors) else ""),
         _number(errors["floor"]),
         f"{row['seconds']:.0f}",
     )
+
+
+def _worse(errors: Row) -> bool:
+    before, after = errors["before"], errors["after"]
+    return before is not None and after is not None and bool(after > before)
 
 
 OVERVIEW = ("rig", "concealed", "also claimed", "error before", "after", "floor", "time [s]")

@@ -135,6 +135,11 @@ def test_the_page_says_the_result_first(examined, tmp_path):
     found["rigs"][0]["unnamed"] = {"where": "cart_2", "share_of_error": 0.1, "acts_on": "as a function of the command"}
     page = build_rigs_page(found, command="flexdrive rigs")
     assert page.index("without a name: a force on cart 2 as a function of the command") < page.index('id="effects"')
+    # a name with which report recordings get worse is no success
+    assert "the error grows" not in page
+    found["rigs"][0]["errors"] |= {"after": 3.0}
+    assert f"With what is claimed the error grows on {found['rigs'][0]['title']}." in sentences(found)
+    assert "3 worse" in build_rigs_page(found, command="flexdrive rigs")
     # none was asked, which is not the same as none found
     assert "look-alike's base model" not in page
     found["rigs"][0]["control"] = {"base_model_of": "lugre_servo", "named": [], "claims": []}
