@@ -5,6 +5,7 @@ A worker that is lost loses nothing: Dask computes its runs again elsewhere.
 
 from __future__ import annotations
 
+import ast
 import hashlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -28,7 +29,10 @@ class Run(Protocol):
 
 
 def code_digest(packages: Sequence[str]) -> str:
-    """Return a digest of the code of packages and modules, under which results are kept: those of other code are made again."""
+    """Return a digest of the code of packages and modules, under which results are kept: those of other code are made again.
+
+    What a comment or a docstring says is no code.
+    """
     code = hashlib.sha256()
     for package in packages:
         spec = find_spec(package)
@@ -36,8 +40,19 @@ def code_digest(packages: Sequence[str]) -> str:
         assert spec.origin is not None
         file = Path(spec.origin)
         for path in sorted(file.parent.rglob("*.py")) if file.name == "__init__.py" else [file]:
-            code.update(path.read_bytes())
+            code.update(f"{path.name}\n{_code_of(path.read_text(encoding='utf-8'))}\n".encode())
     return code.hexdigest()[:12]
+
+
+def _code_of(source: str) -> str:
+    """Return a module's statements, laid out in one way, without comments and docstrings."""
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            first = node.body[0] if node.body else None
+            if isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant) and isinstance(first.value.value, str):
+                node.body = node.body[1:] or [ast.Pass()]
+    return ast.unparse(tree)
 
 
 def run_jobs(work: Work, backend: Backend, jobs: int, scheduler: str | None, progress: Progress) -> list[Any]:
