@@ -107,6 +107,35 @@ class Judged:
         """Whether no physics was concealed."""
         return not self.concealed and self.outside is None
 
+    @property
+    def truth(self) -> str:
+        """What was concealed, with its size, in words."""
+        hidden = [f"{c.name} × {c.size:g}" for c in self.concealed]
+        return "; ".join([*hidden, *([f"{self.outside} × {self.outside_size:g}"] if self.outside else [])]) or "nothing"
+
+    @property
+    def answer(self) -> str:
+        """What the diagnosis said, in words."""
+        names = "; ".join([*self.findings, *(["unnamed"] if self.unnamed else [])])
+        tied = "".join(f" ({c.name} in a tie)" for c in self.concealed if c.named == "tie")
+        return self.failed or names + tied or "nothing"
+
+    @property
+    def wrong(self) -> tuple[str, ...]:
+        """What is missed and what is false, in words; empty where all is right."""
+        missed = [f"{c.name} missed" for c in self.concealed if c.named == "missed"]
+        false = [f"{name} false" for name in self.false_names]
+        unnoticed = self.outside is not None and not self.findings and not self.unnamed
+        faults = self.faults - self.faults_found
+        return (
+            *missed,
+            *false,
+            *([f"{self.outside} not noticed"] if unnoticed else []),
+            *(["something unnamed where nothing is concealed"] if self.unnamed and self.nothing else []),
+            *([f"{faults} of {self.faults} broken encoders not found"] if faults > 0 else []),
+            *(["a fault where there is none"] if self.false_faults else []),
+        )
+
 
 def judge(outcome: Mapping[str, Any]) -> Judged:
     """Return the judgement of one outcome of :func:`baselines.blind_study.one.conduct`."""

@@ -271,3 +271,8 @@ _AIMS: tuple[Aim, ...] = (
 def headline(summary: Summary) -> list[tuple[str, str, str]]:
     """Return the main figures as rows: what, value with its 95 % interval, aim."""
     return [(what, _value(of(summary)), aim) for what, of, aim in _AIMS]
+
+
+def shortcomings(trials: Sequence[Judged]) -> list[tuple[str, str, str, str]]:
+    """Return the trials in which something is missed or false: number, what was concealed, what was said, what is wrong."""
+    return [(str(t.number), t.truth, t.answer, "; ".join(t.wrong)) for t in trials if t.wrong]

@@ -13,8 +13,9 @@ from baselines.cli._results import interrupted_says
 from baselines.cli.compare import Backend
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
+    from baselines.blind_study.judge import Judged
     from baselines.blind_study.summary import Summary
 
 
@@ -78,7 +79,7 @@ def blind(
     if json:
         print_json({"summary": summary, "payoff": paid, "trials": judged, "page": page})
         return
-    print_summary(summary)
+    print_summary(summary, judged)
     for title, (columns, rows) in zip(("tracking on the concealed rigs", "margins on them"), tables(paid), strict=True):
         if rows:
             table(title, columns, rows)
@@ -130,15 +131,17 @@ def _conducted(output: Path, trials: int, seed: int, **where: Any) -> list[Mappi
     return found
 
 
-def print_summary(summary: Summary) -> None:
+def print_summary(summary: Summary, trials: Sequence[Judged]) -> None:
     """Print the figures of a study."""
-    from baselines.blind_study.summary import headline  # noqa: PLC0415
+    from baselines.blind_study.summary import headline, shortcomings  # noqa: PLC0415
 
     table(
         f"{summary.trials} concealed trials" + (f", {summary.failed} failed" if summary.failed else ""),
         ["", "value (95 % interval)", "aim"],
         headline(summary),
     )
+    if found := shortcomings(trials):
+        table("missed or false", ["trial", "concealed", "found", "wrong"], found)
     sizes = sorted({s for d in summary.detection for s in d.by_size})
     table(
         "named exactly or in a tie, by size; size named in 50 % and 90 % of trials",

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from baselines.blind_study.judge import Judged
 from baselines.blind_study.payoff_summary import Row, tables
-from baselines.blind_study.summary import Summary, headline
+from baselines.blind_study.summary import Summary, headline, shortcomings
 from baselines.evaluation.proportions import Share
 from baselines.report import trial_plots as plots
 from baselines.report.page import Section, render
@@ -16,11 +16,12 @@ from flexdrive_gym import __version__
 def build_trial_page(
     summary: Summary, trials: Sequence[Judged], paid: Sequence[Row] = (), *, command: str, engine: str
 ) -> str:
-    """Return the page as HTML: aims, confusion, detection limits, parameters, closed loops, every trial."""
+    """Return the page as HTML: aims, confusion, detection limits, misses, parameters, closed loops, every trial."""
     sections = [
         _aims(summary),
         _confusion(summary),
         _detection(summary),
+        _short(trials),
         _worth(summary, trials),
         _loops(paid),
         _all(trials),
@@ -78,6 +79,13 @@ def _detection(summary: Summary) -> Section:
     return section
 
 
+def _short(trials: Sequence[Judged]) -> Section:
+    section = Section("Missed or false", "short")
+    if found := shortcomings(trials):
+        section.table(("trial", "concealed", "found", "wrong"), found)
+    return section
+
+
 def _worth(summary: Summary, trials: Sequence[Judged]) -> Section:
     section = Section("Predictions and parameters", "worth")
     section.figure(
@@ -119,12 +127,8 @@ def _all(trials: Sequence[Judged]) -> Section:
             (
                 str(t.number),
                 t.kind,
-                "; ".join([f"{c.name} × {c.size:g}" for c in t.concealed] + ([t.outside] if t.outside else []))
-                or "nothing",
-                t.failed
-                or "; ".join([*t.findings, *(["unnamed"] if t.unnamed else [])])
-                + "".join(f" ({c.name} in a tie)" for c in t.concealed if c.named == "tie")
-                or "nothing",
+                t.truth,
+                t.answer,
                 f"{t.before:.2f} → {t.after:.2f} ({t.floor:.2f})",
                 f"{t.faults_found} of {t.faults}" if t.faults else "–",
                 f"{t.seconds:.0f}",

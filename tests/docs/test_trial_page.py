@@ -10,7 +10,7 @@ import pytest
 from baselines.blind_study.judge import judge
 from baselines.blind_study.plan import plan
 from baselines.blind_study.study import outcomes, settings
-from baselines.blind_study.summary import headline, summarise
+from baselines.blind_study.summary import headline, shortcomings, summarise
 from tests.docs.pages import ROOT, read
 
 # the only study whose outcomes are kept beside the page
@@ -38,6 +38,13 @@ def test_every_figure_is_the_study_s(figures):
     for what, value, aim in figures:
         assert f"| {what} | {value} | {aim} |" in page
     assert f"flexdrive blind --report -o docs/trial/{LATEST.name}" in page
+
+
+def test_everything_that_is_missed_or_false_is_on_the_page(found):
+    page = read("docs/trial.md")
+    rows = [f"| {' | '.join(row)} |" for row in shortcomings([judge(outcome) for outcome in found])]
+    head = "| trial | concealed | found | wrong |"
+    assert page[page.index(head) :].split("\n\n")[0].splitlines()[2:] == rows
 
 
 def test_the_readme_has_figures_of_the_latest_study(found, figures):

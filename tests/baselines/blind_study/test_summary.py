@@ -6,7 +6,7 @@ import re
 import pytest
 
 from baselines.blind_study.judge import judge
-from baselines.blind_study.summary import headline, summarise
+from baselines.blind_study.summary import headline, shortcomings, summarise
 from baselines.report.trial_page import build_trial_page
 from tests.baselines.blind_study.outcomes import effect, finding, outcome
 
@@ -52,6 +52,30 @@ def test_the_confusion_counts_every_effect_once():
     assert table["input_offset@actuator"] == {"in a tie": 2, "nothing": 2}
     assert table["nothing"] == {"nothing": 1, "tilt@guide": 1, "unnamed": 1}
     assert table["slew_limit"] == {"unnamed": 1}
+
+
+def test_what_is_missed_or_false_is_said_trial_by_trial():
+    found = shortcomings(study())
+    assert found[:2] == [
+        ("1", "nothing", "tilt@guide", "tilt@guide false"),
+        ("2", "nothing", "unnamed", "something unnamed where nothing is concealed"),
+    ]
+    assert found[-1] == ("12", "stribeck@cart_1 × 1; tilt@guide × 1", "tilt@guide", "stribeck@cart_1 missed")
+    # right answers, a right one in a tie, and what is rightly unnamed are not in the list
+    assert {number for number, *_ in found}.isdisjoint({"0", "3", "6", "8", "9", "10", "11"})
+
+
+def test_a_stranger_that_is_not_noticed_and_an_encoder_that_stays_broken_are_wrong():
+    stranger = judge(outcome("outside", [effect("slew_limit", "outside")]))
+    assert (stranger.truth, stranger.answer, stranger.wrong) == (
+        "slew_limit × 1",
+        "nothing",
+        ("slew_limit not noticed",),
+    )
+    fault = {"encoder": "encoder_1", "recording": "a", "start": 1.0, "end": 1.5}
+    assert judge(outcome("fault", faults=[fault])).wrong == ("1 of 1 broken encoders not found",)
+    failed = judge(outcome("effect", [effect("tilt", "guide")], failed="no fit"))
+    assert (failed.answer, failed.wrong) == ("no fit", ("tilt@guide missed",))
 
 
 def test_the_page_says_what_was_run():
