@@ -1,4 +1,4 @@
-"""Runs the tests of what environments hand out on every other Python from 3.11 to 3.13 found here, without PyTorch.
+"""Runs tests that depend on the interpreter on every other Python from 3.11 to 3.13 found here, without PyTorch.
 
 The Python that runs this has all tests already. Each other one gets a fresh environment with what the environments need of the
 tested set of packages. Prints a line for every Python, found or not; fails when one of those found fails.
@@ -11,8 +11,15 @@ from pathlib import Path
 
 from package import MINORS, ROOT, python, run
 
-# that nothing handed out is overwritten depends on how an interpreter counts references (decision 35)
-TESTS = ("environment/test_kept.py", "environment/test_info.py", "environment/test_refused.py", "test_units.py")
+TESTS = (
+    # that nothing handed out is overwritten depends on how an interpreter counts references (decision 35)
+    "environment/test_kept.py",
+    "environment/test_info.py",
+    "environment/test_refused.py",
+    "test_units.py",
+    # a study goes on under another version only if its parser sees the same code
+    "baselines/evaluation/test_parallel.py",
+)
 
 
 def trial(interpreter: str, folder: Path) -> str:

@@ -273,6 +273,6 @@ def headline(summary: Summary) -> list[tuple[str, str, str]]:
     return [(what, _value(of(summary)), aim) for what, of, aim in _AIMS]
 
 
-def shortcomings(trials: Sequence[Judged]) -> list[tuple[str, str, str, str]]:
+def missed_or_false(trials: Sequence[Judged]) -> list[tuple[str, str, str, str]]:
     """Return the trials in which something is missed or false: number, what was concealed, what was said, what is wrong."""
     return [(str(t.number), t.truth, t.answer, "; ".join(t.wrong)) for t in trials if t.wrong]

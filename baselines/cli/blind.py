@@ -133,14 +133,14 @@ def _conducted(output: Path, trials: int, seed: int, **where: Any) -> list[Mappi
 
 def print_summary(summary: Summary, trials: Sequence[Judged]) -> None:
     """Print the figures of a study."""
-    from baselines.blind_study.summary import headline, shortcomings  # noqa: PLC0415
+    from baselines.blind_study.summary import headline, missed_or_false  # noqa: PLC0415
 
     table(
         f"{summary.trials} concealed trials" + (f", {summary.failed} failed" if summary.failed else ""),
         ["", "value (95 % interval)", "aim"],
         headline(summary),
     )
-    if found := shortcomings(trials):
+    if found := missed_or_false(trials):
         table("missed or false", ["trial", "concealed", "found", "wrong"], found)
     sizes = sorted({s for d in summary.detection for s in d.by_size})
     table(

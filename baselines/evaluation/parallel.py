@@ -17,6 +17,8 @@ Backend = Literal["threading", "loky", "dask", "sequential"]
 Progress = Callable[[int, int], None]
 Keep = Callable[[int, Any], None]
 Work = Sequence[tuple[Callable[..., Any], tuple[Any, ...]]]
+# what may have a docstring
+_DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 # how long a scheduler and its workers may take to answer on a busy machine [s]
 _PATIENCE_S = 30
 
@@ -31,7 +33,7 @@ class Run(Protocol):
 def code_digest(packages: Sequence[str]) -> str:
     """Return a digest of the code of packages and modules, under which results are kept: those of other code are made again.
 
-    What a comment or a docstring says is no code.
+    What a comment or a docstring says is no code, nor how lines are broken. Every version of Python finds the same.
     """
     code = hashlib.sha256()
     for package in packages:
@@ -40,23 +42,24 @@ def code_digest(packages: Sequence[str]) -> str:
         assert spec.origin is not None
         file = Path(spec.origin)
         for path in sorted(file.parent.rglob("*.py")) if file.name == "__init__.py" else [file]:
-            code.update(f"{path.name}\n{_code_of(path.read_text(encoding='utf-8'))}\n".encode())
+            code.update(f"{path.name}\n{_said(ast.parse(path.read_text(encoding='utf-8')))}\n".encode())
     return code.hexdigest()[:12]
 
 
-def _code_of(source: str) -> str:
-    """Return a module's statements, laid out in one way, without comments and docstrings."""
-    tree = ast.parse(source)
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-            first = node.body[0] if node.body else None
-            if (
-                isinstance(first, ast.Expr)
-                and isinstance(first.value, ast.Constant)
-                and isinstance(first.value.value, str)
-            ):
-                node.body = node.body[1:] or [ast.Pass()]
-    return ast.unparse(tree)
+def _said(node: Any) -> Any:
+    """Return what a part of a module says as nested lists, without docstrings, and the same by every Python's parser."""
+    if isinstance(node, list):
+        return [_said(part) for part in node]
+    if not isinstance(node, ast.AST):
+        return repr(node)
+    fields = dict(ast.iter_fields(node))
+    if isinstance(node, _DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
+        fields["body"] = node.body[1:]
+    if isinstance(node, ast.JoinedStr):
+        # Python 3.12 ends some formats with an empty text
+        fields["values"] = [v for v in node.values if not (isinstance(v, ast.Constant) and v.value == "")]
+    # what is empty has no field in some versions
+    return [type(node).__name__, *([name, _said(v)] for name, v in fields.items() if v is not None and v != [])]
 
 
 def run_jobs(work: Work, backend: Backend, jobs: int, scheduler: str | None, progress: Progress) -> list[Any]:

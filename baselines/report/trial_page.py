@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from baselines.blind_study.judge import Judged
 from baselines.blind_study.payoff_summary import Row, tables
-from baselines.blind_study.summary import Summary, headline, shortcomings
+from baselines.blind_study.summary import Summary, headline, missed_or_false
 from baselines.evaluation.proportions import Share
 from baselines.report import trial_plots as plots
 from baselines.report.page import Section, render
@@ -21,7 +21,7 @@ def build_trial_page(
         _aims(summary),
         _confusion(summary),
         _detection(summary),
-        _short(trials),
+        _missed_or_false(trials),
         _worth(summary, trials),
         _loops(paid),
         _all(trials),
@@ -79,9 +79,9 @@ def _detection(summary: Summary) -> Section:
     return section
 
 
-def _short(trials: Sequence[Judged]) -> Section:
-    section = Section("Missed or false", "short")
-    if found := shortcomings(trials):
+def _missed_or_false(trials: Sequence[Judged]) -> Section:
+    section = Section("Missed or false", "missed")
+    if found := missed_or_false(trials):
         section.table(("trial", "concealed", "found", "wrong"), found)
     return section
 

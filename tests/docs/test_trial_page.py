@@ -10,7 +10,7 @@ import pytest
 from baselines.blind_study.judge import judge
 from baselines.blind_study.plan import plan
 from baselines.blind_study.study import outcomes, settings
-from baselines.blind_study.summary import headline, shortcomings, summarise
+from baselines.blind_study.summary import headline, missed_or_false, summarise
 from tests.docs.pages import ROOT, read
 
 # the only study whose outcomes are kept beside the page
@@ -42,7 +42,7 @@ def test_every_figure_is_the_study_s(figures):
 
 def test_everything_that_is_missed_or_false_is_on_the_page(found):
     page = read("docs/trial.md")
-    rows = [f"| {' | '.join(row)} |" for row in shortcomings([judge(outcome) for outcome in found])]
+    rows = [f"| {' | '.join(row)} |" for row in missed_or_false([judge(outcome) for outcome in found])]
     head = "| trial | concealed | found | wrong |"
     assert page[page.index(head) :].split("\n\n")[0].splitlines()[2:] == rows
 

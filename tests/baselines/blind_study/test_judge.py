@@ -31,7 +31,7 @@ def test_one_tie_answers_for_one_effect_only():
     assert [c.named for c in judge(outcome("pair", pair, [tied])).concealed] == ["tie", "missed"]
 
 
-def test_any_name_is_false_where_nothing_or_a_stranger_is_concealed():
+def test_any_name_is_false_where_nothing_or_an_outside_effect_is_concealed():
     assert judge(outcome("null", [], [finding("tilt", "guide")])).false_names == ("tilt@guide",)
     outside = judge(outcome("outside", [effect("slew_limit", "outside")], [finding("tilt", "guide")]))
     assert outside.outside == "slew_limit"

@@ -6,7 +6,7 @@ import re
 import pytest
 
 from baselines.blind_study.judge import judge
-from baselines.blind_study.summary import headline, shortcomings, summarise
+from baselines.blind_study.summary import headline, missed_or_false, summarise
 from baselines.report.trial_page import build_trial_page
 from tests.baselines.blind_study.outcomes import effect, finding, outcome
 
@@ -55,7 +55,7 @@ def test_the_confusion_counts_every_effect_once():
 
 
 def test_what_is_missed_or_false_is_said_trial_by_trial():
-    found = shortcomings(study())
+    found = missed_or_false(study())
     assert found[:2] == [
         ("1", "nothing", "tilt@guide", "tilt@guide false"),
         ("2", "nothing", "unnamed", "something unnamed where nothing is concealed"),
@@ -65,9 +65,9 @@ def test_what_is_missed_or_false_is_said_trial_by_trial():
     assert {number for number, *_ in found}.isdisjoint({"0", "3", "6", "8", "9", "10", "11"})
 
 
-def test_a_stranger_that_is_not_noticed_and_an_encoder_that_stays_broken_are_wrong():
-    stranger = judge(outcome("outside", [effect("slew_limit", "outside")]))
-    assert (stranger.truth, stranger.answer, stranger.wrong) == (
+def test_an_outside_effect_that_is_not_noticed_and_an_encoder_that_stays_broken_are_wrong():
+    outside = judge(outcome("outside", [effect("slew_limit", "outside")]))
+    assert (outside.truth, outside.answer, outside.wrong) == (
         "slew_limit × 1",
         "nothing",
         ("slew_limit not noticed",),

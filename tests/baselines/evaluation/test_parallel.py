@@ -52,3 +52,13 @@ def test_a_module_more_is_other_code(digest_of):
 
 def test_a_function_of_nothing_but_its_docstring_is_the_same_with_another(digest_of):
     assert digest_of('def f():\n    """One."""\n') == digest_of('def f():\n    """Another."""\n')
+
+
+def test_every_python_finds_the_same(digest_of):
+    """Parsers differ in fields that are empty, in the text after a nested format, and in how a text is quoted."""
+    source = "def f(x: float, form: str = \"g\") -> str:\n    return f\"{x:{form}} 'of' {dict(a=1)['a']!r}\"\n"
+    assert digest_of(source) == "1d0f16bd4a24"
+
+
+def test_how_lines_are_broken_is_no_code(digest_of):
+    assert digest_of(PLAIN) == digest_of(PLAIN.replace("(x)", "(\n    x,\n)").replace("2 * x", "(2\n            * x)"))
