@@ -67,10 +67,10 @@ class Settings:
         The same of the deflection [1], whose error lasts until a cart moves on: a data set has a hundred independent ones, of
         which the best of a hundred parameters that are fitted to nothing takes off 2 ln(100) / 100.
     inexact
-        Share of what names have gained that a further one must gain [1], or take ``large`` off the error: no law is exact, and a
-        fourteenth of the force of what was named is no second effect. A gain goes with the square of a force, and so does the
-        squared error, of which an independent program's data sets left up to 0.43 % to seven wrong names, and right ones took
-        1.2 % and more (``python -m benchmarks later_names``, seeds 24 to 27).
+        Share of what names have gained that a further one must gain [1], or of the squared output error that they took off; or it
+        takes ``large`` off what is left. No law is exact, and a fourteenth of the force of what was named is no second effect. A
+        gain goes with the square of a force, and so does the squared error, of which an independent program's data sets left up
+        to 0.43 % to seven wrong names, and right ones took 1.2 % and more (``python -m benchmarks later_names``, seeds 24 to 27).
     one_size
         Share of the square of its size by which an effect may differ between experiments [1], a tenth of the size: dry friction
         differs by 6 % between runs, 4 % within and 2.6 % along the track of two recorded rigs, and no law is exact

@@ -15,12 +15,17 @@ from math import inf
 from typing import Any
 
 from flexdrive_gym.drive.effects._effect import Effect, Parameter
+from flexdrive_gym.drive.simd.pack import chosen
 
 
 def _command(u: float, t: float, p: Any, o: int) -> float:
     if p[o + 1] == 0.0:
         return min(max(u, -p[o]), p[o])
-    return u * (1.0 + abs(u / p[o]) ** (1.0 / p[o + 1])) ** -p[o + 1]
+    # the larger of command and limit is taken out of the power, which would overflow at a corner that is nearly sharp
+    large = max(abs(u), p[o])
+    small = min(abs(u), p[o])
+    passed = small * (1.0 + (small / large) ** (1.0 / p[o + 1])) ** -p[o + 1]
+    return chosen(u >= 0.0, passed, -passed)
 
 
 EFFECT = Effect(

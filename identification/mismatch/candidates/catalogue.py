@@ -43,6 +43,8 @@ class Candidate:
         Sizes that may take over a base parameter: key to the base parameter.
     parts
         Sizes that a base parameter stood for besides its own: key to the base parameter.
+    finer
+        Keys of what a fit moves, too, once this candidate leads, and where it starts: a limit is round or hard.
     """
 
     id: str
@@ -51,6 +53,7 @@ class Candidate:
     shapes: tuple[tuple[str, float], ...] = ()
     takes: tuple[tuple[str, str], ...] = ()
     parts: tuple[tuple[str, str], ...] = ()
+    finer: tuple[tuple[str, float], ...] = ()
 
     @property
     def name(self) -> tuple[str, str]:
@@ -143,7 +146,12 @@ def _of(effect: Effect, where: str, topology: Topology, reach: float | None, sca
     if effect.id == _FILTER:
         absolute = [(q, _CUTOFFS) for q in shapes]
     if absolute:
-        return [Candidate(effect.id, where, ((effect.key(where, q.name), v),)) for q, grid in absolute for v in grid]
+        finer = tuple((effect.key(where, q.name), q.starts[0]) for q in sizes)
+        return [
+            Candidate(effect.id, where, ((effect.key(where, q.name), v),), finer=finer)
+            for q, grid in absolute
+            for v in grid
+        ]
     takes = tuple(
         (effect.key(where, own), f"{base}{where[-1]}") for own, base in _TAKES_OVER.get(effect.id, {}).items()
     )

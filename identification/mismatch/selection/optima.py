@@ -85,6 +85,16 @@ def fit_candidates(
     return best | {n: (candidate, own) for (n, (candidate, _)), own in zip(ended.items(), far_sighted, strict=True)}
 
 
+def refined(base: Fit, noise: Metric, fits: Mapping[Name, tuple[Candidate, Fit]]) -> dict[Name, tuple[Candidate, Fit]]:
+    """Return fits of candidates, the one that is ahead with all its parameters."""
+    if not fits:
+        return {}
+    candidate, own = min(fits.values(), key=lambda item: item[1].cost)
+    whole = replace(candidate, shapes=(*candidate.shapes, *candidate.finer), finer=())
+    jobs = [(whole, {**own.values, **dict(candidate.finer)})] if candidate.finer else []
+    return nearest(fits, fit_candidates(base, noise, jobs))
+
+
 def contained(base: Fit, model: Fit, candidates: Sequence[Candidate]) -> list[Start]:
     """Return the candidates that a model has beside the base model's parameters, each as it has it."""
     own = {c.keys: c for c in candidates if all(k in model.values and k not in base.values for k in c.keys)}

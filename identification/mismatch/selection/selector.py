@@ -30,6 +30,7 @@ from identification.mismatch.selection.optima import (
     imitating,
     nearest,
     pruned,
+    refined,
     refit_base,
     without,
 )
@@ -129,7 +130,7 @@ class Selector:
             step = self._round(base, near, phases, taken, () if rounds else proposed)
             rounds.append(step)
             base = step.base
-            name = self._name(step, sum(s.total for s, _ in taken)) if step.accepted else None
+            name = self._name(step, rounds[0].base, sum(s.total for s, _ in taken)) if step.accepted else None
             if name is None or (nameless(step.best) and doubted is not None):
                 break
             if nameless(step.best):
@@ -147,14 +148,16 @@ class Selector:
         last = rounds[-1].variability
         return Selection(tuple(rounds), rounds[0].base, base, tuple(kept), last, self.level, differing)
 
-    def _name(self, step: Round, gained: float) -> Scored | None:
+    def _name(self, step: Round, before: Fit, gained: float) -> Scored | None:
         """Return what a round names: the first that a simulation needs, of the significant names where a free function won.
 
-        Another that gains less than half of the most may gain from what that is, and what gains next to nothing beside earlier
+        Another that gains less than half of the most may gain from what that is, and what is next to nothing beside earlier
         names from what these do not describe, for no law of the catalogue is exact; unless it brings the simulation near.
 
         Parameters
         ----------
+        before
+            Fit without any name.
         gained
             By earlier names.
         """
@@ -164,8 +167,12 @@ class Selector:
 
         def stands(s: Scored) -> bool:
             share, first = self._share(s, step.base), s is step.best and gained <= 0.0
-            own = (s is step.best or s.total >= half) and s.total >= self.settings.inexact * gained
-            return share >= self.settings.large or (own and needed(s, share, first=first, settings=self.settings))
+            if share >= self.settings.large:
+                return True
+            own = s is step.best or s.total >= half
+            if not own or not needed(s, share, first=first, settings=self.settings):
+                return False
+            return s.total >= self.settings.inexact * gained or self._beyond(s, share, step.base, before)
 
         return next((s for s in order[: _MORE + 1] if stands(s)), None)
 
@@ -178,6 +185,13 @@ class Selector:
         best = scored.fit or base
         levels = Levels.of(self.bench, best.residual, base.residual)
         return share_of_error(scored, held_first(self.bench, levels, best.values, best.names))
+
+    def _beyond(self, scored: Scored, share: float, base: Fit, before: Fit) -> bool:
+        """Whether a name takes more off the squared output error than the laws named before do not describe of theirs."""
+        best = scored.fit or base
+        levels = Levels.of(self.bench, best.residual, base.residual)
+        with_them, without_them = (held_first(self.bench, levels, m.values, m.names).cost for m in (base, before))
+        return share * with_them >= self.settings.inexact * (without_them - with_them)
 
     def _stand(self, names: Sequence[tuple[Scored, Round]], step: Round) -> bool:
         """Whether names stand for the free function that won.
@@ -252,7 +266,7 @@ class Selector:
             ]
             # what gains so much is told again, with noise around it
             enough = 2.0 * self.settings.again if turn == 0 else np.inf
-            fits = fit_candidates(base, noise, jobs, enough=enough)
+            fits = refined(base, noise, fit_candidates(base, noise, jobs, enough=enough))
             model = min((f for _, f in fits.values()), key=lambda f: f.cost, default=base)
             if model.cost > base.cost - enough:
                 break

@@ -79,6 +79,15 @@ def test_a_sum_of_gain_offset_and_dead_zone_in_the_documented_order():
     assert drifting[-1] == pytest.approx(later[-1] - 3.0 * 0.01 * (3.0 - 1.1e-3 / 0.0127) / 0.0127, rel=1e-4)
 
 
+@each("softness", [1e-4, 1e-2])
+def test_a_limit_that_is_nearly_hard_is_the_hard_limit(softness):
+    # (8 / 2) to the power of 10,000 is no number
+    values = {**RIGID, "saturation.limit": 2.0, "saturation.softness": softness}
+    found = [states(values, np.full(3001, u))[1, -1] for u in (8.0, -8.0, 1.5)]
+    hard = [states({**RIGID, "saturation.limit": 2.0}, np.full(3001, u))[1, -1] for u in (8.0, -8.0, 1.5)]
+    assert found == pytest.approx(hard, rel=1e-4)
+
+
 @each("softness", [0.1, 0.75])
 def test_soft_limit_passes_small_commands_and_ends_at_the_limit(softness):
     values = {**RIGID, "saturation.limit": 2.0, "saturation.softness": softness}

@@ -113,15 +113,37 @@ def test_a_speed_without_sign_adds_up_to_no_place():
 
 
 @pytest.mark.parametrize(
-    ("gained", "share", "named"), [(1000.0, 0.02, True), (3000.0, 0.02, False), (3000.0, 0.3, True)]
+    ("gained", "share", "beyond", "named"),
+    [
+        (1000.0, 0.02, False, True),
+        (3000.0, 0.02, False, False),
+        (3000.0, 0.02, True, True),
+        (3000.0, 0.002, True, False),
+        (3000.0, 0.3, False, True),
+    ],
 )
-def test_what_a_law_that_is_inexact_leaves_is_no_other_effect(gained, share, named):
+def test_what_a_law_that_is_inexact_leaves_is_no_other_effect(gained, share, beyond, named):
     """A gain goes with the square of a force: seven per cent of the force that is named have half a per cent of its gain.
 
-    What brings the simulation near is another effect all the same: rounds have different noise, so their gains compare roughly.
+    What brings the simulation near is another effect all the same, and so is what takes as much off it beside the earlier name:
+    an encoder that plays gains by milliseconds what a brake never can.
     """
     offset = Scored(Candidate("input_offset", "actuator", (("u0", 1.0),)), None, np.full(12, 1.0), 1, 0.004)
     asked = SimpleNamespace(settings=Settings(), _significant=lambda *_: [offset], _share=lambda *_: share)
+    asked._beyond = lambda *_: beyond
     step = SimpleNamespace(scored=[offset], best=offset, null=None, base=None)
     assert offset.total == pytest.approx(11.0)
-    assert (Selector._name(asked, step, gained) is offset) == named
+    assert (Selector._name(asked, step, None, gained) is offset) == named
+
+
+@pytest.mark.parametrize(("share", "beyond"), [(0.03, False), (0.05, True)])
+def test_what_a_name_takes_off_is_held_against_what_the_names_before_it_took_off(monkeypatch, share, beyond):
+    """Of a squared output error of 1,000 names took 900 off: half a per cent of that is 4.5, a share of 0.045 of what is left."""
+    cost = {"before": 1000.0, "with them": 100.0}
+    monkeypatch.setattr(selector.Levels, "of", lambda *_: None)
+    monkeypatch.setattr(
+        selector, "held_first", lambda _bench, _levels, values, _names: SimpleNamespace(cost=cost[values])
+    )
+    before, base = (SimpleNamespace(values=v, names=(), residual=None) for v in cost)
+    asked = SimpleNamespace(bench=None, settings=Settings())
+    assert Selector._beyond(asked, SimpleNamespace(fit=base), share, base, before) == beyond

@@ -3,32 +3,35 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from identification.mismatch.candidates.catalogue import catalogue
 from identification.mismatch.fitting.fit import fit
 from identification.mismatch.noise.estimate import first_noise
 from identification.mismatch.selection.evaluate import evaluate
 from identification.mismatch.selection.linear import linearise
-from identification.mismatch.selection.optima import fit_candidates
+from identification.mismatch.selection.optima import fit_candidates, refined
 from identification.mismatch.selection.start import candidate_starts, misread_starts
 from identification.topology import TWO_CARTS
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import KINDS, bench_of, data_set
 
 
-def test_a_limit_begins_where_it_cuts_and_not_at_a_share_of_it():
-    """Half of what a limit of 2.1 V does is no limit of 1 V: a fit from there sees another drive."""
+@pytest.mark.parametrize("softness", [0.0, 0.15])
+def test_a_limit_begins_where_it_cuts_and_not_at_a_share_of_it(softness):
+    """Half of what a limit of 2.1 V does is no limit of 1 V: a fit from there sees another drive. It may be hard or round."""
     name = "saturation", "actuator"
     limits = [c for c in catalogue(TWO_CARTS, {}, 2.5) if c.name == name]
-    with bench_of(data_set({"saturation.limit": 2.3}, kinds=KINDS[2:6])) as bench:
+    with bench_of(data_set({"saturation.limit": 2.3, "saturation.softness": softness}, kinds=KINDS[2:6])) as bench:
         noise = first_noise(bench, RIG)
         base = fit(bench, noise, RIG, TWO_CARTS.free)
         linear = linearise(bench, noise, base, limits, ())
         table = evaluate(linear, linear.residual[:, None])
         starts = candidate_starts(base, linear, table, limits, [name], 1)
         assert {v["saturation.limit"] for _, v in starts} <= {c.sizes[0][1] for c in limits}
-        _, found = fit_candidates(base, noise, starts)[name]
+        _, found = refined(base, noise, fit_candidates(base, noise, starts))[name]
     assert abs(found.values["saturation.limit"] / 2.3 - 1.0) < 0.01
+    assert found.values.get("saturation.softness", 0.0) == pytest.approx(softness, abs=0.02)
 
 
 def test_static_friction_is_found_where_the_base_model_took_it_for_dry_friction():
