@@ -11,7 +11,6 @@ import numpy as np
 from identification.mismatch.candidates.catalogue import Candidate, catalogue, look_alikes
 from identification.mismatch.fitting.bench import Bench, SingleArray, Values
 from identification.mismatch.fitting.fit import Fit, fit, gain_of
-from identification.mismatch.fitting.levels import Levels
 from identification.mismatch.fitting.score import shared
 from identification.mismatch.noise.estimate import Noise, damped
 from identification.mismatch.noise.nuisance import Direction
@@ -19,6 +18,7 @@ from identification.mismatch.noise.scatter import dispersed
 from identification.mismatch.selection.account import Account, sensitivities
 from identification.mismatch.selection.evaluate import Name, Table, evaluate, random_gains
 from identification.mismatch.selection.linear import Linear
+from identification.mismatch.selection.naming import Naming
 from identification.mismatch.selection.null import Null, first_draws, judged, null_of
 from identification.mismatch.selection.one_size import differs
 from identification.mismatch.selection.optima import (
@@ -34,14 +34,11 @@ from identification.mismatch.selection.optima import (
     refit_base,
     without,
 )
-from identification.mismatch.selection.output_error import held_first, needed, share_of_error
 from identification.mismatch.selection.ranking import MOST, Round, Scored, dispensable, nameless, ranked, scores
 from identification.mismatch.selection.start import Start, candidate_starts, far_starts, misread_starts
 from identification.topology import Topology
 
 Say = Callable[[str], None]
-# significant names that are asked after the first one
-_MORE = 3
 
 
 def _absent(candidates: Sequence[Candidate], base: Fit) -> set[str]:
@@ -109,7 +106,7 @@ class Selector:
     def __init__(self, bench: Bench, topology: Topology, known: Values, alpha: float, seed: int, say: Say) -> None:
         self.bench, self.topology, self.level, self.seed, self.say = bench, topology, 0.5 * alpha, seed, say
         self.settings = bench.settings
-        self.known = dict(known)
+        self.naming, self.known = Naming(bench, self.level), dict(known)
         reach = max(float(np.max(np.abs(run.u))) for run in bench.runs)
         filtered = all(run.cutoff is None for run in bench.runs)
         self.candidates = catalogue(topology, self.known, reach or None, bench.scale, filtered=filtered)
@@ -130,7 +127,7 @@ class Selector:
             step = self._round(base, near, phases, taken, () if rounds else proposed)
             rounds.append(step)
             base = step.base
-            name = self._name(step, rounds[0].base, sum(s.total for s, _ in taken)) if step.accepted else None
+            name = self.naming.name(step, rounds[0].base, sum(s.total for s, _ in taken)) if step.accepted else None
             if name is None or (nameless(step.best) and doubted is not None):
                 break
             if nameless(step.best):
@@ -140,67 +137,13 @@ class Selector:
             phases = (*phases, *name.variability)
             base = name.fit or base
             near = base
-        if doubted is not None and not self._stand(taken[doubted:], rounds[doubted]):
+        if doubted is not None and not self.naming.stand(taken[doubted:], rounds[doubted]):
             rounds, taken, base = rounds[: doubted + 1], taken[:doubted], rounds[doubted].base
         taken, base = self._backward(taken, base, rounds[-1])
         kept, base = self._of_one_size(taken, base, rounds[-1])
         differing = tuple(item for item in taken if item not in kept)
         last = rounds[-1].variability
         return Selection(tuple(rounds), rounds[0].base, base, tuple(kept), last, self.level, differing)
-
-    def _name(self, step: Round, before: Fit, gained: float) -> Scored | None:
-        """Return what a round names: the first that a simulation needs, of the significant names where a free function won.
-
-        Another that gains less than half of the most may gain from what that is, and what is next to nothing beside earlier
-        names from what these do not describe, for no law of the catalogue is exact; unless it brings the simulation near.
-
-        Parameters
-        ----------
-        before
-            Fit without any name.
-        gained
-            By earlier names.
-        """
-        significant = [s for s in self._significant(step.scored) if not nameless(s)]
-        half = MOST * max((s.total for s in significant), default=0.0)
-        order = significant if nameless(step.best) else [step.best, *(s for s in significant if s is not step.best)]
-
-        def stands(s: Scored) -> bool:
-            share, first = self._share(s, step.base), s is step.best and gained <= 0.0
-            if share >= self.settings.large:
-                return True
-            own = s is step.best or s.total >= half
-            if not own or not needed(s, share, first=first, settings=self.settings):
-                return False
-            return s.total >= self.settings.inexact * gained or self._beyond(s, share, step.base, before)
-
-        return next((s for s in order[: _MORE + 1] if stands(s)), None)
-
-    def _significant(self, scored: Sequence[Scored]) -> list[Scored]:
-        """Return the candidates that gain more than data of this rig in which nothing is left out."""
-        return [s for s in scored if s.p <= self.level]
-
-    def _share(self, scored: Scored, base: Fit) -> float:
-        """Return the share of the squared output error that a name takes off, beside what was named before."""
-        best = scored.fit or base
-        levels = Levels.of(self.bench, best.residual, base.residual)
-        return share_of_error(scored, held_first(self.bench, levels, best.values, best.names))
-
-    def _beyond(self, scored: Scored, share: float, base: Fit, before: Fit) -> bool:
-        """Whether a name takes more off the squared output error than the laws named before do not describe of theirs."""
-        best = scored.fit or base
-        levels = Levels.of(self.bench, best.residual, base.residual)
-        with_them, without_them = (held_first(self.bench, levels, m.values, m.names).cost for m in (base, before))
-        return share * with_them >= self.settings.inexact * (without_them - with_them)
-
-    def _stand(self, names: Sequence[tuple[Scored, Round]], step: Round) -> bool:
-        """Whether names stand for the free function that won.
-
-        Together they gain most of what it gains, or one takes most of the error off the simulation.
-        """
-        return sum(s.total for s, _ in names) >= MOST * step.best.total or any(
-            self._share(s, own.base) >= MOST for s, own in names
-        )
 
     def _proposed(self, base: Fit) -> list[Start]:
         """Return candidates with parameters as the equation error sees them, where the simulation is far from the data."""
@@ -307,7 +250,7 @@ class Selector:
             scored = scores(base, linear, table, fits, null)
         asked = {candidate.name for candidate, _ in leading}
         while True:
-            significant = self._significant(scored)
+            significant = self.naming.significant(scored)
             order = ranked(scored, significant)
             named = [fits[s.name] for s in (order[0], *significant[:2]) if s.name in fits and s.name not in asked]
             asked |= {candidate.name for candidate, _ in named}
@@ -371,7 +314,7 @@ class Selector:
             weak = [
                 (rarity, less, s)
                 for rarity, less, s, step in left_out
-                if rarity > max(self.level, s.rarity) and self._share(s, step.base) < MOST
+                if rarity > max(self.level, s.rarity) and self.naming.share(s, step.base) < MOST
             ]
             if not weak:
                 break

@@ -8,6 +8,7 @@ import pytest
 
 from identification.mismatch.diagnose import diagnose
 from identification.mismatch.fitting.fit import fit
+from identification.mismatch.selection.naming import Naming
 from identification.mismatch.selection.selector import Selector
 from identification.recordings import RecordingSet, Rig
 from tests.identification.mismatch.lab import QUICK, data_set
@@ -116,7 +117,7 @@ def test_a_name_that_no_simulation_needs_gives_way_to_the_next(monkeypatch):
         asked.append(scored.name[0])
         return float(scored.name[0] != "ground_spring")
 
-    monkeypatch.setattr(Selector, "_share", share)
+    monkeypatch.setattr(Naming, "share", share)
     found = diagnose(_runs("ground_spring"), settings=replace(ONE_ROUND, rounds=2), jobs=1)
     assert asked[0] == "ground_spring"
     assert "ground_spring" not in [f.id for f in found.findings]
@@ -124,7 +125,7 @@ def test_a_name_that_no_simulation_needs_gives_way_to_the_next(monkeypatch):
 
 def test_what_is_significant_and_not_needed_has_no_name(monkeypatch):
     """Something is there, and what comes nearest to it is not what it is: no simulation gets better by it."""
-    monkeypatch.setattr(Selector, "_share", lambda *_: 0.0)
+    monkeypatch.setattr(Naming, "share", lambda *_: 0.0)
     found = diagnose(_runs("ground_spring"), settings=ONE_ROUND, jobs=1)
     assert found.findings == ()
     assert found.verdict == "unexplained"

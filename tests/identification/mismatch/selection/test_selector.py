@@ -1,5 +1,6 @@
 """What stays beside all other effects when rounds are over."""
 
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from identification.mismatch.candidates.catalogue import Candidate
 from identification.mismatch.selection import selector
+from identification.mismatch.selection.naming import Naming
 from identification.mismatch.selection.ranking import Scored
 from identification.mismatch.selection.selector import Selection, Selector
 from identification.mismatch.settings import Settings
@@ -21,9 +23,9 @@ def stay(monkeypatch):
 
     def run(names, share=0.1):
         then = [Scored(Candidate(n, "guide", ((n, 1.0),)), None, np.ones(4), 1, p) for n, (p, _) in names.items()]
-        asked = SimpleNamespace(bench=SimpleNamespace(pool=SimpleNamespace(map=map)), level=LEVEL)
+        naming = SimpleNamespace(share=lambda *_: share)
+        asked = SimpleNamespace(bench=SimpleNamespace(pool=SimpleNamespace(map=map)), level=LEVEL, naming=naming)
         asked._without = lambda s, _step, model, last: (names[s.name[0]][1], model)
-        asked._share = lambda *_: share
         last = SimpleNamespace(noise=None, base=None)
         taken, _ = Selector._backward(asked, [(s, last) for s in then], SimpleNamespace(values={}, names=()), last)
         return [s.name[0] for s, _ in taken]
@@ -90,8 +92,9 @@ def test_a_name_that_no_simulation_needs_is_not_given(monkeypatch, share, named)
     rounds = iter((first, last))
     asked = SimpleNamespace(bench=None, topology=None, known={}, level=LEVEL, settings=Settings())
     asked.say, asked._proposed, asked._near = lambda _: None, lambda _: [], lambda *_: None
-    asked._significant, asked._share = lambda *_: [like], lambda *_: share
-    asked._round, asked._name = lambda *_: next(rounds), lambda *a: Selector._name(asked, *a)
+    naming = SimpleNamespace(bench=SimpleNamespace(settings=Settings()), share=lambda *_: share)
+    naming.significant, naming.name = lambda *_: [like], partial(Naming.name, naming)
+    asked._round, asked.naming = lambda *_: next(rounds), naming
     asked._backward = asked._of_one_size = lambda taken, model, _last: (taken, model)
     assert [s.name[0] for s, _ in Selector.run(asked).accepted] == named
 
@@ -110,40 +113,3 @@ def test_a_speed_without_sign_adds_up_to_no_place():
     assert looked_for(wave, "encoder_1")
     assert looked_for(wave, "encoder_2", x2=np.zeros(3))
     assert looked_for(drag, "encoder_2")
-
-
-@pytest.mark.parametrize(
-    ("gained", "share", "beyond", "named"),
-    [
-        (1000.0, 0.02, False, True),
-        (3000.0, 0.02, False, False),
-        (3000.0, 0.02, True, True),
-        (3000.0, 0.002, True, False),
-        (3000.0, 0.3, False, True),
-    ],
-)
-def test_what_a_law_that_is_inexact_leaves_is_no_other_effect(gained, share, beyond, named):
-    """A gain goes with the square of a force: seven per cent of the force that is named have half a per cent of its gain.
-
-    What brings the simulation near is another effect all the same, and so is what takes as much off it beside the earlier name:
-    an encoder that plays gains by milliseconds what a brake never can.
-    """
-    offset = Scored(Candidate("input_offset", "actuator", (("u0", 1.0),)), None, np.full(12, 1.0), 1, 0.004)
-    asked = SimpleNamespace(settings=Settings(), _significant=lambda *_: [offset], _share=lambda *_: share)
-    asked._beyond = lambda *_: beyond
-    step = SimpleNamespace(scored=[offset], best=offset, null=None, base=None)
-    assert offset.total == pytest.approx(11.0)
-    assert (Selector._name(asked, step, None, gained) is offset) == named
-
-
-@pytest.mark.parametrize(("share", "beyond"), [(0.03, False), (0.05, True)])
-def test_what_a_name_takes_off_is_held_against_what_the_names_before_it_took_off(monkeypatch, share, beyond):
-    """Of a squared output error of 1,000 names took 900 off: half a per cent of that is 4.5, a share of 0.045 of what is left."""
-    cost = {"before": 1000.0, "with them": 100.0}
-    monkeypatch.setattr(selector.Levels, "of", lambda *_: None)
-    monkeypatch.setattr(
-        selector, "held_first", lambda _bench, _levels, values, _names: SimpleNamespace(cost=cost[values])
-    )
-    before, base = (SimpleNamespace(values=v, names=(), residual=None) for v in cost)
-    asked = SimpleNamespace(bench=None, settings=Settings())
-    assert Selector._beyond(asked, SimpleNamespace(fit=base), share, base, before) == beyond
