@@ -7,6 +7,7 @@ from benchmarks import (
     blind_nuisance,
     controllers,
     coverage,
+    detection,
     diagnosis,
     environment,
     export,
@@ -50,6 +51,7 @@ ALL = {
 }
 # these take minutes to hours, and options of their own
 LONG = {
+    "detection": detection.main,
     "diagnosis": diagnosis.main,
     "lab": lab.main,
     "false_alarms": false_alarms.main,

@@ -1,15 +1,21 @@
 """``python docs/studies.py`` writes the figures of the studies in docs/trial to docs/trial/studies.csv, one row a study.
 
 Rows of other studies stay as they are. The column ``outcomes`` says where the history of this repository has their outcomes.
-``python docs/studies.py --together begun_25 begun_26`` prints what studies of that table count together, with 95 % intervals.
+``python docs/studies.py --together begun_25 begun_26`` prints what studies of that table count together, with 95 % intervals;
+``--by-effect begun_25 begun_26`` how many of their concealed effects are named, alone and in pairs, by effect and size.
 """
 
 import argparse
 import csv
+import gzip
 import io
+import json
 import re
-from collections.abc import Iterable
+import subprocess
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from baselines.blind_study.judge import judge
 from baselines.blind_study.plan import plan
@@ -48,10 +54,55 @@ def together(studies: Iterable[str]) -> dict[str, str]:
     return found
 
 
+def kept(study: str) -> Sequence[Mapping[str, Any]]:
+    """The outcomes of a study, of a folder that is there or from the history of this repository."""
+    command = next(r["outcomes"] for r in rows() if r["study"] == study)
+    if not command.startswith("git show "):
+        asked = settings(FOLDER / study)
+        return outcomes(FOLDER / study, plan(asked["trials"], asked["seed"]))
+    packed = subprocess.run(  # noqa: S603
+        ["git", "show", command.split()[2]],  # noqa: S607
+        cwd=FOLDER,
+        capture_output=True,
+        check=True,
+    ).stdout
+    return [json.loads(line) for line in gzip.decompress(packed).splitlines()]
+
+
+def by_effect(studies: Iterable[str]) -> dict[str, dict[tuple[str, float], list[bool]]]:
+    """Whether each concealed effect is named, exactly or in a tie: effect to alone or in a pair, and size."""
+    found: dict[str, dict[tuple[str, float], list[bool]]] = defaultdict(lambda: defaultdict(list))
+    for study in studies:
+        for one in map(judge, kept(study)):
+            for effect in one.concealed:
+                with_another = "in a pair" if len(one.concealed) > 1 else "alone"
+                found[effect.id][with_another, effect.size].append(effect.named in {"exact", "tie"})
+    return found
+
+
+def print_by_effect(studies: Iterable[str]) -> None:
+    """Print the table of :func:`by_effect`, from half size on."""
+    sizes = [(a, s) for a in ("alone", "in a pair") for s in (0.5, 1.0, 2.0)]
+    found = by_effect(studies)
+    everything = {key: [hit for each in found.values() for hit in each.get(key, [])] for key in sizes}
+    print("| effect | " + " | ".join(f"{a}, size {s:g}" for a, s in sizes) + " |\n|" + "---|" * (1 + len(sizes)))
+    for name, each in [*sorted(found.items()), ("all", everything)]:
+        cells = (each.get(key, []) for key in sizes)
+        print(
+            f"| {name.replace('_', ' ')} | " + " | ".join(f"{sum(c)} of {len(c)}" if c else "–" for c in cells) + " |"
+        )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--together", nargs="+", choices=[r["study"] for r in rows()], metavar="STUDY")
-    if asked := parser.parse_args().together:
+    there = [r["study"] for r in rows() if r["outcomes"].startswith("git show") or (FOLDER / r["study"]).is_dir()]
+    parser.add_argument("--by-effect", nargs="+", choices=there, metavar="STUDY")
+    given = parser.parse_args()
+    if given.by_effect:
+        print_by_effect(given.by_effect)
+        return
+    if asked := given.together:
         print("\n".join(f"| {what} | {value} |" for what, value in together(asked).items()))
         return
     known = {r["study"]: r for r in rows()}

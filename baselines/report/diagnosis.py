@@ -52,6 +52,7 @@ def build_diagnosis(
             _predictions(diagnosis),
             _homogeneity(diagnosis),
             _remains(diagnosis, forces),
+            _limits(diagnosis),
             _suggestions(suggestions),
             pictures.maps(diagnosis, forces),
             _faults(diagnosis),
@@ -277,6 +278,32 @@ def _remains(d: Diagnosis, forces: Remaining) -> Section:
         lines.append("What remains follows none of v1, v2, δ, u, x1, x2 and time.")
     lines += [f"{note[0].upper()}{note[1:]}." for note in d.notes if note]
     section.items(lines)
+    return section
+
+
+def _limits(d: Diagnosis) -> Section:
+    section = Section("How small it may be and not be seen", "limits")
+    if d.limits:
+        section.text(
+            "What is not named is not absent. Below this size an effect would not gain enough in most data sets like these: to "
+            "first order, in its most visible form, and beside what was named; what friction makes of it may hide more. What "
+            "differs from run to run, and a track on which runs begin anywhere, hides what is like it."
+        )
+        section.table(
+            ("effect", "size", "not seen below", "unit", "over what is usual", "in the form"),
+            [
+                (
+                    words.at(x.id, x.where),
+                    x.parameter,
+                    _number(x.value) if math.isfinite(x.value) else "any within its bounds",
+                    x.unit,
+                    f"{x.value / x.usual:.2g}" if math.isfinite(x.value) and x.usual > 0.0 else "–",
+                    ", ".join(f"{n} = {_number(v)} {u}" for n, (v, u) in x.shape.items()) or "–",
+                )
+                for x in sorted(d.limits, key=lambda x: -x.value / x.usual if x.usual > 0.0 else 0.0)
+            ],
+            folded=f"{len(d.limits)} sizes, the hardest to see first",
+        )
     return section
 
 

@@ -80,6 +80,19 @@ def test_studies_of_one_diagnosis_are_counted_together(studies):
     assert {what: value for what, value in rows[1:] if "---" not in what}.items() <= counted.items()
 
 
+def test_effects_of_pairs_are_counted_one_by_one(studies, found):
+    judged = [judge(outcome) for outcome in found]
+    hits = sum(
+        hit
+        for each in studies["by_effect"]([LATEST.name]).values()
+        for key, own in each.items()
+        for hit in own
+        if key[0] == "in a pair"
+    )
+    assert hits == sum(c.named in {"exact", "tie"} for j in judged if len(j.concealed) == 2 for c in j.concealed)
+    assert hits > 0
+
+
 def test_studies_are_compared_by_their_figures(studies):
     page = read("docs/trial.md").splitlines()
     head = next(text for text in page if text.startswith("| study |"))

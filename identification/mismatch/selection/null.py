@@ -88,6 +88,16 @@ class Null:
         """
         return max(self.rarity(name, gain), float(min(1.0, len(self.tail) * np.exp(-max(gain, 0.0)))))
 
+    def needed(self, name: Name, level: float) -> float:
+        """Return the least gain of a name whose p-value is at most a level; ``inf`` where there are too few draws for it."""
+        better = int(level * (len(self.largest) + 1)) - 1
+        if better < 0:
+            return float("inf")
+        score = float(np.sort(self.largest)[::-1][better]) if better < len(self.largest) else -np.inf
+        often, index = self.tail.get(name) or np.median(list(self.tail.values()), axis=0)
+        drawn = often * (10.0 ** (index * score) if score > 0.0 else 1.0 + score)
+        return float(max(drawn, np.log(len(self.tail) / level)))
+
 
 def _score(gain: FloatArray, often: float, index: float) -> FloatArray:
     """Return the decades by which a gain is rarer than the one of one draw in ten; below that, the share of it over one."""

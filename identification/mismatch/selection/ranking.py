@@ -17,6 +17,7 @@ from identification.mismatch.fitting.fit import Fit, gain_of
 from identification.mismatch.fitting.score import shared, studentised
 from identification.mismatch.noise.estimate import Noise
 from identification.mismatch.noise.nuisance import Direction
+from identification.mismatch.selection.detection import DetectionLimit
 from identification.mismatch.selection.evaluate import Name, Table
 from identification.mismatch.selection.linear import Linear
 from identification.mismatch.selection.null import Null
@@ -101,6 +102,8 @@ class Round:
         Whether the first one is taken.
     variability
         Run-to-run variability.
+    limits
+        Below which size the recordings do not show what is in no model yet.
     """
 
     base: Fit
@@ -109,6 +112,7 @@ class Round:
     noise: Noise
     accepted: bool
     variability: tuple[Direction, ...] = ()
+    limits: tuple[DetectionLimit, ...] = ()
 
     @property
     def best(self) -> Scored:

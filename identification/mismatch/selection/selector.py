@@ -16,6 +16,7 @@ from identification.mismatch.noise.estimate import Noise, damped
 from identification.mismatch.noise.nuisance import Direction
 from identification.mismatch.noise.scatter import dispersed
 from identification.mismatch.selection.account import Account, sensitivities
+from identification.mismatch.selection.detection import detection_limits
 from identification.mismatch.selection.evaluate import Name, Table, evaluate, random_gains
 from identification.mismatch.selection.linear import Linear
 from identification.mismatch.selection.naming import Naming
@@ -257,7 +258,8 @@ class Selector:
             better = refit_base(base, noise, named)
             if better is base:
                 order = ranked(pruned(base, noise, scored, significant), significant)
-                return Round(base, tuple(order), null, noise, bool(significant), tuple(found))
+                limits = detection_limits(linear, null, self.level)
+                return Round(base, tuple(order), null, noise, bool(significant), tuple(found), limits)
             fits = carried_over(base, better, noise, fits)
             base, linear = better, linear.around(better, noise)
             table = evaluate(linear, linear.residual[:, None])

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from baselines.report import words
-from baselines.report.diagnosis import _tiles
+from baselines.report.diagnosis import _limits, _tiles
 from baselines.report.diagnosis_pictures import shown_recording
 from flexdrive_gym.recording import Fault
 from flexdrive_gym.units import Units
@@ -19,6 +19,7 @@ from identification.mismatch.answer.finding import Curve, Estimate, Finding, Nam
 from identification.mismatch.answer.homogeneity import Homogeneity
 from identification.mismatch.answer.verdict import Interval, Prediction, RecordingFit, in_units
 from identification.mismatch.force.maps import Located, Map
+from identification.mismatch.selection.detection import DetectionLimit
 from identification.quantities import Quantity
 from tests.identification.mismatch.lab import diagnosis
 
@@ -47,6 +48,10 @@ FULL = diagnosis(
         Prediction("resonance_hz", Interval(2.5, None), Interval(None, None), "Hz"),
     ),
     homogeneity=(Homogeneity("d1", 0.002, {"a": 0.3, "b": 0.4}, "d1 changed between sessions: 0.3 in a, 0.4 in b."),),
+    limits=(
+        DetectionLimit("tilt", "guide", "F", 0.02, "V", 0.1, {}),
+        DetectionLimit("coil_bind", "spring", "kb", math.inf, "V/mm", 0.05, {"d0": (5.0, "mm")}),
+    ),
     after_rms=5.0,
     floor_rms=4.0,
 )
@@ -96,6 +101,21 @@ def test_predictions_come_with_their_interval_and_why_they_extrapolate():
     assert words.interval(by["critical_gain_x2_simulated"].after) == "0.22 [0.21, no limit]"
     assert words.interval(by["resonance_hz"].after) == "–"
     assert words.extrapolation_sentences(FULL) == [f"Extrapolated: critical gain from x2, simulated. {BEYOND}"]
+
+
+def test_how_small_what_is_not_named_may_be_is_told_in_the_rigs_units():
+    tilt, bind = FULL.as_json()["detection_limits"]
+    assert (tilt["value"], tilt["unit"], tilt["shape"]) == (0.02, "V", {})
+    assert bind["value"] is None
+    own = in_units(FULL, RIG).limits
+    assert (own[0].value, own[0].usual, own[0].unit) == (pytest.approx(20.0), pytest.approx(100.0), "mV")
+    assert own[1].shape == {"d0": (pytest.approx(0.005), "m")}
+    # the hardest to see first
+    assert _limits(FULL).blocks[1].rows == (
+        ("coil bind at spring", "kb", "any within its bounds", "V/mm", "–", "d0 = 5 mm"),
+        ("tilt at guide", "F", "0.02", "V", "0.2", "–"),
+    )
+    assert not _limits(diagnosis()).blocks
 
 
 def test_what_changed_between_sessions_is_said():

@@ -31,6 +31,18 @@ def test_a_name_is_judged_by_its_own_draws():
     assert null.rarity(quiet, 60.0) < 0.01
 
 
+def test_the_gain_that_is_needed_is_the_least_significant_one():
+    rng = np.random.default_rng(4)
+    tilt, far = ("tilt", "guide"), ("ground_spring", "guide")
+    null = Null.of({tilt: rng.exponential(1.0, 480), far: 9.0 * (rng.pareto(2.0, 480) + 1.0)})
+    for name in (tilt, far):
+        gain = null.needed(name, 0.01)
+        assert null.p_value(name, gain * (1.0 + 1e-9)) <= 0.01
+        assert null.p_value(name, gain * (1.0 - 1e-9)) > 0.01
+    # of 50 draws none tells what happens in one of a hundred
+    assert Null.of({tilt: np.ones(50)}).needed(tilt, 0.01) == np.inf
+
+
 def test_a_name_with_a_heavy_tail_does_not_set_the_level_of_the_others():
     rng = np.random.default_rng(1)
     usual, heavy = ("encoder_delay", "encoder_2"), ("ground_spring", "guide")
