@@ -287,7 +287,9 @@ def _limits(d: Diagnosis) -> Section:
         section.text(
             "What is not named is not absent. Below this size an effect would not gain enough in most data sets like these: to "
             "first order, in its most visible form, and beside what was named; what friction makes of it may hide more. What "
-            "differs from run to run, and a track on which runs begin anywhere, hides what is like it."
+            "differs from run to run hides what is like it. Where along the track runs began is not known, so bumps of friction "
+            "and springs to ground are hidden most: these recordings cannot tell them from a rough track unless they are "
+            "much larger. Runs that begin at one marked place would."
         )
         section.table(
             ("effect", "size", "not seen below", "unit", "over what is usual", "in the form"),
