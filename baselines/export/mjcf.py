@@ -47,6 +47,7 @@ _REASONS = {
     "motor_gear_backlash": "its contacts follow another law than Hunt and Crossley's",
     "spring_hysteresis": "its springs remember nothing",
     "asymmetric_spring": "its springs are polynomials",
+    "coil_bind": "its springs are polynomials",
     "saturation": "a limit of the command is hard",
 }  # fmt: skip
 _HELD = {
@@ -98,7 +99,11 @@ def export_mujoco(drive: Drive, name: str, *, command: str = "flexdrive export")
         return drive[key] / units.one(unit)
 
     which = present_effects(drive)
-    beyond = {"tilt": turns, "asymmetric_spring": drive["asymmetric_spring.c"] > 0.0}
+    beyond = {
+        "tilt": turns,
+        "asymmetric_spring": drive["asymmetric_spring.c"] > 0.0,
+        "coil_bind": drive["coil_bind.n"] > 0.0,
+    }
     held = [w for w in which if w[0] in _HELD and not beyond.get(w[0], False)]
     delayed = [("input_delay", "actuator")] if drive["input_delay.tau"] > 0.0 else []
     carts = _carts(drive, of, turns=turns)
@@ -184,7 +189,7 @@ def _springs(drive: Drive, of: Any, held: Sequence[tuple[str, str]]) -> list[dic
     stiffness = [of("k", "V/mm"), square, of("hardening_spring.k3", "V/mm³")]
     play = of("coupling_backlash.g", "mm")
     springs = [{"name": "spring", "stiffness": stiffness, "damping": of("C", "V s/mm"), "play": play}]
-    if drive["coil_bind.kb"] != 0.0:
+    if ("coil_bind", "spring") in held:
         beyond = play + of("coil_bind.d0", "mm")
         springs.append({"name": "coil_bind", "stiffness": [of("coil_bind.kb", "V/mm")], "damping": 0.0, "play": beyond})
     return springs
@@ -213,6 +218,8 @@ def _notes(drive: Drive, units: Units, held: Sequence[tuple[str, str]]) -> list[
     ids = {effect for effect, _where in held}
     if "coupling_backlash" in ids and drive["C"] > 0.0:
         notes.append("the spring's damping also acts within the play")
+    if drive["coupling_backlash.loss"] > 0.0:
+        notes.append("the loss of the contacts of the play is left out")
     if {"base_recoil", "extra_mode"} <= ids:
         notes.append("the appendage is carried along by the track, which flexdrive's is not")
     if units.length == "m" and drive.units.length not in _METRES:

@@ -110,6 +110,8 @@ class Parameter:
         value it has where none is given, and a fit needs the grid of ``starts``.
     extended
         In a base effect: a drive that has this parameter off its null needs the variant with all effects.
+    finer
+        A detail of the law, absent at null and nothing by itself: a diagnosis fits it once the effect leads.
     """
 
     name: str
@@ -121,6 +123,7 @@ class Parameter:
     starts: tuple[float, ...] = ()
     role: Literal["size", "shape"] = "size"
     extended: bool = False
+    finer: bool = False
 
 
 @dataclass(frozen=True)

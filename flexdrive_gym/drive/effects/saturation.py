@@ -34,7 +34,7 @@ EFFECT = Effect(
     equation="u ← clip(u, ±u_max); soft: u ← u·(1 + |u/u_max|^(1/ε))^(-ε)",
     parameters=(
         Parameter("limit", "V", inf, 0.01, inf, "largest command that acts", (2.0, 4.0, 8.0), role="shape"),
-        Parameter("softness", "1", 0.0, 0.0, 1.0, "roundness ε of the limit", (0.25,), extended=True),
+        Parameter("softness", "1", 0.0, 0.0, 1.0, "roundness ε of the limit", (0.25,), extended=True, finer=True),
     ),
     hooks={"command": _command},
     tells_itself_by="strong drives only; responses stop growing with u",

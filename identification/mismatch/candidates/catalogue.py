@@ -44,7 +44,7 @@ class Candidate:
     parts
         Sizes that a base parameter stood for besides its own: key to the base parameter.
     finer
-        Keys of what a fit moves, too, once this candidate leads, and where it starts: a limit is round or hard.
+        Keys of details of its law, which a fit moves, too, once this candidate leads, and where they start: a limit is round.
     """
 
     id: str
@@ -136,7 +136,8 @@ def catalogue(
 
 
 def _of(effect: Effect, where: str, topology: Topology, reach: float | None, scale: Scale) -> list[Candidate]:
-    sizes = [q for q in effect.parameters if q.role == "size"]
+    sizes = [q for q in effect.parameters if q.role == "size" and not q.finer]
+    finer = tuple((effect.key(where, q.name), _usual(q, scale)[0]) for q in effect.parameters if q.finer)
     shapes = [q for q in effect.parameters if q.role == "shape"]
     if topology.carts == 1:
         sizes = [q for q in sizes if not q.name.endswith("_2")]
@@ -146,7 +147,6 @@ def _of(effect: Effect, where: str, topology: Topology, reach: float | None, sca
     if effect.id == _FILTER:
         absolute = [(q, _CUTOFFS) for q in shapes]
     if absolute:
-        finer = tuple((effect.key(where, q.name), q.starts[0]) for q in sizes)
         return [
             Candidate(effect.id, where, ((effect.key(where, q.name), v),), finer=finer)
             for q, grid in absolute
@@ -167,7 +167,7 @@ def _of(effect: Effect, where: str, topology: Topology, reach: float | None, sca
                 usual = [(effect.key(where, q.name), _levels(q, scale)) for q in group]
                 own = tuple((key, sizes[min(level, len(sizes) - 1)]) for key, sizes in usual)
                 parts = tuple((key, masses[key]) for key, _ in own if key in masses)
-                found.append(Candidate(effect.id, where, own, chosen, takes, parts))
+                found.append(Candidate(effect.id, where, own, chosen, takes, parts, finer))
     return found
 
 

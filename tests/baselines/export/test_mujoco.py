@@ -65,6 +65,20 @@ def test_a_spring_of_two_stiffnesses_is_no_polynomial():
     assert not any(line.startswith("asymmetric_spring") for line in exported.held)
 
 
+def test_details_of_contacts_are_no_elements():
+    fine = {
+        "coil_bind.kb": 0.05,
+        "coil_bind.d0": 5.0,
+        "coil_bind.n": 0.5,
+        "coupling_backlash.g": 0.3,
+        "coupling_backlash.loss": 2e-4,
+    }
+    exported = export_mujoco(DEFAULT_DRIVE.replace(fine), "rig")
+    assert "coil_bind at spring: its springs are polynomials" in exported.left_out
+    assert "the loss of the contacts of the play is left out" in exported.text
+    assert any(line.startswith("coupling_backlash") for line in exported.held)
+
+
 def test_the_model_in_figures():
     root = ET.fromstring(export_mujoco(Drive(LIMITED), "rig").text)
     joints = {j.get("name"): j.attrib for j in root.iter("joint") if j.get("name")}

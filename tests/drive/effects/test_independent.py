@@ -32,6 +32,14 @@ def contact(rho, rate, gap, kc):
     return kc * inside * max(1.0 + 0.01 * np.sign(inside) * rate, 0.0)
 
 
+def lossy(felt, rate, loss):
+    return K * felt * max(1.0 + loss * np.sign(felt) * rate, 0.0)
+
+
+def hertz(beyond, kb, d0):
+    return np.sign(beyond) * kb * abs(beyond) ** 1.5 / np.sqrt(d0)
+
+
 WA = 2 * np.pi * 12.0
 CASES = {
     "stribeck": (
@@ -104,6 +112,16 @@ CASES = {
     "coils that touch": (
         {"coil_bind.kb": 0.2, "coil_bind.d0": 6.0},
         {"spring": lambda delta, _rate, _w: K * delta + 0.2 * (delta - clip(delta, 6.0))},
+        1e-4,
+    ),
+    "contacts that lose energy": (
+        {"coupling_backlash.g": 0.8, "coupling_backlash.loss": 2e-3},
+        {"spring": lambda delta, rate, _w: lossy(delta - clip(delta, 0.8), rate, 2e-3)},
+        1e-4,
+    ),
+    "coils that touch one after another": (
+        {"coil_bind.kb": 0.2, "coil_bind.d0": 6.0, "coil_bind.n": 0.5},
+        {"spring": lambda delta, _rate, _w: K * delta + hertz(delta - clip(delta, 6.0), 0.2, 6.0)},
         1e-4,
     ),
     "bristles": (

@@ -79,6 +79,34 @@ def test_a_sum_of_gain_offset_and_dead_zone_in_the_documented_order():
     assert drifting[-1] == pytest.approx(later[-1] - 3.0 * 0.01 * (3.0 - 1.1e-3 / 0.0127) / 0.0127, rel=1e-4)
 
 
+@each("s", [1e-9, 0.5, 4.0])
+def test_a_gain_that_drifts_settles(s):
+    # from rest m·v' + b·v = gain·u - d, with a gain that ends at 1 + rate/s
+    t = instants(3.0)
+    v = states({**RIGID, "gain_drift.rate": -0.05, "gain_drift.s": s}, np.full(len(t), 3.0))[1]
+    gain = 1.0 - 0.05 * (t if s < 1e-6 else (1.0 - np.exp(-s * t)) / s)
+    lag = 1.1e-3 / 0.0127
+    slope = -0.05 * np.exp(-s * t)
+    steady = (3.0 * gain - 0.6) / 0.0127
+    # to first order in the lag of the cart, long after the start
+    assert v[-1] == pytest.approx(steady[-1] - 3.0 * slope[-1] * lag / 0.0127, rel=1e-3)
+
+
+@each(("way", "force"), [(2.0, 2.0 * (2.0 / 10.0) ** 0.5), (5.0, 5.0 * 0.5**0.5)])
+def test_the_stiffness_of_a_contact_grows_with_the_way(way, force):
+    values = {**FRICTIONLESS, "coil_bind.kb": 0.1, "coil_bind.d0": 10.0, "coil_bind.n": 0.5}
+    v2 = states(values, np.zeros(2), h=1e-6, start=(10.0 + way, 0.0, 0.0, 0.0))[3, 1]
+    assert v2 / 1e-6 * RIG["m2"] == pytest.approx((10.0 + way) * K + 0.1 * force, rel=1e-5)
+
+
+@each(("rate", "factor"), [(100.0, 1.1), (-100.0, 0.9), (-2000.0, 0.0)])
+def test_a_contact_pushes_less_while_it_is_let_go_and_never_pulls(rate, factor):
+    values = {**FRICTIONLESS, "coupling_backlash.g": 2.0, "coupling_backlash.loss": 1e-3}
+    free = {k: v for k, v in values.items() if not k.startswith("b")}
+    v2 = states({**free, "b1": 0.0, "b2": 0.0}, np.zeros(2), h=1e-6, start=(5.0, rate, 0.0, 0.0))[3, 1]
+    assert v2 / 1e-6 * RIG["m2"] == pytest.approx(3.0 * K * factor, rel=1e-3, abs=1e-9)
+
+
 @each("softness", [1e-4, 1e-2])
 def test_a_limit_that_is_nearly_hard_is_the_hard_limit(softness):
     # (8 / 2) to the power of 10,000 is no number

@@ -17,6 +17,20 @@ from tests.identification.mismatch.lab import bench_of, data_set
 RIPPLE = Candidate("cogging", "drivetrain", (("cogging.a_sin", 0.05),), (("cogging.P", 12.0),))
 
 
+def test_details_of_a_law_are_fitted_only_once_the_effect_leads():
+    """They are in no grid and no candidate by themselves, and every candidate of their effect has them for later."""
+    found = [
+        c
+        for c in catalogue(TWO_CARTS, {}, 3.0)
+        if c.id in {"coil_bind", "coupling_backlash", "gain_drift", "saturation"}
+    ]
+    assert {k for c in found for k, _ in c.finer} == {
+        "coil_bind.n", "coupling_backlash.loss", "gain_drift.s", "saturation.softness",
+    }  # fmt: skip
+    assert all(c.finer and not {k for k, _ in c.finer} & set(c.keys) for c in found)
+    assert not any(c.finer for c in catalogue(TWO_CARTS, {}, 3.0) if c.id == "hardening_spring")
+
+
 def _table(runs):
     with bench_of(runs) as bench:
         base = bench.residual(RIG)
