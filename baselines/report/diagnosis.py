@@ -300,7 +300,8 @@ def _limits(d: Diagnosis) -> Section:
                     _number(x.value) if math.isfinite(x.value) else "any within its bounds",
                     x.unit,
                     f"{x.value / x.usual:.2g}" if math.isfinite(x.value) and x.usual > 0.0 else "–",
-                    ", ".join(f"{n} = {_number(v)} {u}" for n, (v, u) in x.shape.items()) or "–",
+                    ", ".join(f"{n} = {_number(v)} {'' if u == '1' else u}".rstrip() for n, (v, u) in x.shape.items())
+                    or "–",
                 )
                 for x in sorted(d.limits, key=lambda x: -x.value / x.usual if x.usual > 0.0 else 0.0)
             ],
