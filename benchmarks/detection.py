@@ -17,6 +17,7 @@ from pathlib import Path
 import joblib
 from platformdirs import user_cache_path
 
+from baselines.blind_study.judge import SAME_SIZES
 from baselines.blind_study.study import engine
 from baselines.evaluation.proportions import share
 from baselines.rig_simulator.recordings import data_set, write_data_set
@@ -25,18 +26,18 @@ from flexdrive_gym.files import write_atomically
 from identification import diagnose
 from identification.mismatch.answer.verdict import Diagnosis
 
-# effect, place, its size in this package and in the other program
-KNOWN = (
-    ("encoder_delay@encoder_2", "tau", "late2"),
-    ("coupling_backlash@spring", "g", "gap"),
-    ("input_offset@actuator", "u0", "offset"),
-    ("encoder_play@encoder_1", "g", "play1"),
-    ("gain_asymmetry@actuator", "a", "gain_skew"),
-    ("amplifier_lag@actuator", "tau", "lag"),
-    ("dead_zone@actuator", "uz", "notch"),
-    ("load_friction@cart_2", "mu", "load2"),
-    ("input_delay@actuator", "tau", "wait"),
-    ("encoder_scale@encoder_2", "s", "scale2"),
+# concealed in turn, of those whose size means the same in both programs
+ASKED = (
+    ("encoder_delay", "encoder_2"),
+    ("coupling_backlash", "spring"),
+    ("input_offset", "actuator"),
+    ("encoder_play", "encoder_1"),
+    ("gain_asymmetry", "actuator"),
+    ("amplifier_lag", "actuator"),
+    ("dead_zone", "actuator"),
+    ("load_friction", "cart_2"),
+    ("input_delay", "actuator"),
+    ("encoder_scale", "encoder_2"),
 )
 MULTIPLES = (1.0, 2.0, 4.0)
 
@@ -67,12 +68,13 @@ def one(draw: int, path: Path) -> list[dict[str, object]]:
     if path.exists():
         return list(json.loads(path.read_text()))
     nothing = draw_truth(draw, "null")
-    name, own, theirs = KNOWN[draw % len(KNOWN)]
-    limit = next((x for x in _diagnosed(nothing, draw).limits if x.name == name and x.parameter == own), None)
+    id_, where = ASKED[draw % len(ASKED)]
+    name, (own, theirs) = f"{id_}@{where}", SAME_SIZES[id_]
+    limit = next((x for x in _diagnosed(nothing, draw).detection_limits if x.name == name and x.parameter == own), None)
     rows: list[dict[str, object]] = []
     for multiple in MULTIPLES if limit is not None and limit.value < float("inf") else ():
         assert limit is not None
-        effect = Effect(limit.id, limit.where, {theirs: multiple * limit.value}, multiple)
+        effect = Effect(id_, where, {theirs.format(cart=where[-1]): multiple * limit.value}, multiple)
         found = _diagnosed(replace(nothing, effects=(effect,)), draw).findings
         hit = any(name in (f.name, *(f"{t.id}@{t.where}" for t in f.ties)) for f in found)
         named = ", ".join(f.name for f in found)

@@ -20,6 +20,20 @@ How = Literal["exact", "tie", "missed"]
 # a fault is found if what was masked touches it, give or take this
 _TOUCH_S = 0.02
 
+# sizes that mean the same to both programs: effect to its name here and there
+SAME_SIZES: Mapping[str, tuple[str, str]] = {
+    "input_offset": ("u0", "offset"),
+    "dead_zone": ("uz", "notch"),
+    "input_delay": ("tau", "wait"),
+    "amplifier_lag": ("tau", "lag"),
+    "gain_asymmetry": ("a", "gain_skew"),
+    "encoder_scale": ("s", "scale{cart}"),
+    "encoder_delay": ("tau", "late{cart}"),
+    "encoder_play": ("g", "play{cart}"),
+    "coupling_backlash": ("g", "gap"),
+    "load_friction": ("mu", "load{cart}"),
+}
+
 
 @dataclass(frozen=True)
 class Concealed:
@@ -210,16 +224,7 @@ def _comparable(effect: Mapping[str, Any], finding: Mapping[str, Any]) -> list[K
     q, where = effect["parameters"], effect["where"]
     cart = where[-1]
     meaning: dict[str, tuple[str, float | None]] = {
-        "input_offset": ("u0", q.get("offset")),
-        "dead_zone": ("uz", q.get("notch")),
-        "input_delay": ("tau", q.get("wait")),
-        "amplifier_lag": ("tau", q.get("lag")),
-        "gain_asymmetry": ("a", q.get("gain_skew")),
-        "encoder_scale": ("s", q.get("scale2")),
-        "encoder_delay": ("tau", q.get(f"late{cart}")),
-        "encoder_play": ("g", q.get(f"play{cart}")),
-        "coupling_backlash": ("g", q.get("gap")),
-        "load_friction": ("mu", q.get(f"load{cart}")),
+        **{id_: (ours, q.get(theirs.format(cart=cart))) for id_, (ours, theirs) in SAME_SIZES.items()},
         "tilt": ("F", q["pull_1"] + q["pull_2"] if "pull_1" in q else None),
         "extra_mode": ("frequency", sqrt(q["tail_k"] / q["tail_m"]) / (2.0 * pi) if "tail_m" in q else None),
         "cogging": ("P", q.get("period")),

@@ -283,7 +283,7 @@ def _remains(d: Diagnosis, forces: Remaining) -> Section:
 
 def _limits(d: Diagnosis) -> Section:
     section = Section("How small it may be and not be seen", "limits")
-    if d.limits:
+    if d.detection_limits:
         section.text(
             "What is not named is not absent. Below this size an effect would not gain enough in most data sets like these: to "
             "first order, in its most visible form, and beside what was named; what friction makes of it may hide more. What "
@@ -303,9 +303,9 @@ def _limits(d: Diagnosis) -> Section:
                     ", ".join(f"{n} = {_number(v)} {'' if u == '1' else u}".rstrip() for n, (v, u) in x.shape.items())
                     or "–",
                 )
-                for x in sorted(d.limits, key=lambda x: -x.value / x.usual if x.usual > 0.0 else 0.0)
+                for x in sorted(d.detection_limits, key=lambda x: -x.value / x.usual if x.usual > 0.0 else 0.0)
             ],
-            folded=f"{len(d.limits)} sizes, the hardest to see first",
+            folded=f"{len(d.detection_limits)} sizes, the hardest to see first",
         )
     return section
 

@@ -224,7 +224,9 @@ class _Result:
                 seconds=0.0,
                 p_value=significance_of(self.selection.rounds[0]),
                 split=replace(split, estimation=tuple(self.runs)),
-                limits=tuple(x for x in self.selection.rounds[-1].limits if x.name not in {f.name for f in findings}),
+                detection_limits=tuple(
+                    x for x in self.selection.rounds[-1].detection_limits if x.name not in {f.name for f in findings}
+                ),
                 notes=notes_of(drive, split, loops, self.bench.runs, units, self.selection),
                 maps=tuple(maps),
                 harmonics=tuple(harmonics(forces, self.runs)),

@@ -24,7 +24,7 @@ from flexdrive_gym.drive.effects import ARGUMENTS
 from flexdrive_gym.drive.simd import pack
 
 LIBRARY: dict[Any, str] = {
-    np.exp: "exp", np.sin: "sin", np.cos: "cos", np.sqrt: "sqrt", np.floor: "floor", math.exp: "exp",
+    np.exp: "exp", np.expm1: "expm1", np.sin: "sin", np.cos: "cos", np.sqrt: "sqrt", np.floor: "floor", math.exp: "exp",
     abs: "abs", max: "max", min: "min", int: "fix",
 }  # fmt: skip
 _BINARY: dict[type[ast.operator], tuple[str, int]] = {

@@ -16,14 +16,11 @@ import numpy as np
 
 from flexdrive_gym.drive.effects._effect import Effect, Parameter
 
-# below it the exponential is straight, to the last digits
-_STRAIGHT = 1e-8
-
 
 def _command(u: float, t: float, p: Any, o: int) -> float:
-    if p[o + 1] * t < _STRAIGHT:
+    if p[o + 1] == 0.0:
         return u * (1.0 + p[o] * t)
-    return u * (1.0 + p[o] * (1.0 - np.exp(-p[o + 1] * t)) / p[o + 1])
+    return u * (1.0 - p[o] * np.expm1(-p[o + 1] * t) / p[o + 1])
 
 
 EFFECT = Effect(

@@ -141,7 +141,7 @@ class Diagnosis:
         Which recordings estimate, select and report.
     p_value
         Of the hypothesis that the base model lacks nothing: that of the best candidate in the first round.
-    limits
+    detection_limits
         Below which size these recordings do not show what is not named.
     notes
         Sentences a reader should see.
@@ -166,7 +166,7 @@ class Diagnosis:
     split: Split
     p_value: float = float("nan")
     predictions: tuple[Prediction, ...] = ()
-    limits: tuple[DetectionLimit, ...] = ()
+    detection_limits: tuple[DetectionLimit, ...] = ()
     unit: str = "mm/s"
     notes: tuple[str, ...] = ()
     maps: tuple[Map, ...] = ()
@@ -207,7 +207,7 @@ class Diagnosis:
                 "split": {"estimation": estimation, "selection": estimation, "report": report},
                 "homogeneity": [h.as_json() for h in self.homogeneity],
                 "predictions": [p.as_json() for p in self.predictions],
-                "detection_limits": [limit.as_json() for limit in self.limits],
+                "detection_limits": [limit.as_json() for limit in self.detection_limits],
                 "notes": list(self.notes),
                 "drive": drive,
                 "seconds": self.seconds,
@@ -267,7 +267,7 @@ def in_units(found: Diagnosis, units: Units) -> Diagnosis:
         drive=found.drive.replace(units=units),
         base=found.base.replace(units=units),
         tied=None if found.tied is None else found.tied.replace(units=units),
-        limits=tuple(limit.of_rig(units) for limit in found.limits),
+        detection_limits=tuple(limit.of_rig(units) for limit in found.detection_limits),
         unit=units.name("mm/s"),
         maps=tuple(m.of_rig(units) for m in found.maps),
         harmonics=tuple(h.of_rig(units) for h in found.harmonics),

@@ -72,8 +72,7 @@ class Null:
 
     def score(self, name: Name, gain: float) -> float:
         """Return how rare a gain is under a name's own null distribution: decades beyond one draw in ten, negative below."""
-        often, index = self.tail.get(name) or np.median(list(self.tail.values()), axis=0)
-        return float(_score(np.array(gain), float(often), float(index)))
+        return float(_score(np.array(gain), *self._tail(name)))
 
     def rarity(self, name: Name, gain: float) -> float:
         """Return the share of draws in which some gain of the catalogue is as rare."""
@@ -94,15 +93,23 @@ class Null:
         if better < 0:
             return float("inf")
         score = float(np.sort(self.largest)[::-1][better]) if better < len(self.largest) else -np.inf
+        return float(max(_gain(score, *self._tail(name)), np.log(len(self.tail) / level)))
+
+    def _tail(self, name: Name) -> tuple[float, float]:
+        """Return a name's tail, that of the median name where it was in no draw."""
         often, index = self.tail.get(name) or np.median(list(self.tail.values()), axis=0)
-        drawn = often * (10.0 ** (index * score) if score > 0.0 else 1.0 + score)
-        return float(max(drawn, np.log(len(self.tail) / level)))
+        return float(often), float(index)
 
 
 def _score(gain: FloatArray, often: float, index: float) -> FloatArray:
     """Return the decades by which a gain is rarer than the one of one draw in ten; below that, the share of it over one."""
     relative = gain / often
     return np.where(relative > 1.0, np.log10(np.maximum(relative, 1.0)) / index, relative - 1.0)
+
+
+def _gain(score: float, often: float, index: float) -> float:
+    """Return the gain that has a score: the inverse of :func:`_score`."""
+    return often * (10.0 ** (index * score) if score > 0.0 else 1.0 + score)
 
 
 def first_draws(

@@ -102,7 +102,7 @@ class Round:
         Whether the first one is taken.
     variability
         Run-to-run variability.
-    limits
+    detection_limits
         Below which size the recordings do not show what is in no model yet.
     """
 
@@ -112,7 +112,7 @@ class Round:
     noise: Noise
     accepted: bool
     variability: tuple[Direction, ...] = ()
-    limits: tuple[DetectionLimit, ...] = ()
+    detection_limits: tuple[DetectionLimit, ...] = ()
 
     @property
     def best(self) -> Scored:

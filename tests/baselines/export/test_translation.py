@@ -18,8 +18,8 @@ from tests.each import each
 EVERYWHERE = [(e.id, where) for e in EFFECTS if not e.base for where in e.where]
 # from the libraries of both
 LIBRARY = {
-    "abs", "conv", "cos", "end", "exist", "exp", "fix", "floor", "function", "if", "isempty", "max", "min", "mod", "numel", "sin",
-    "sqrt", "ss", "struct", "tf", "zeros",
+    "abs", "conv", "cos", "end", "exist", "exp", "expm1", "fix", "floor", "function", "if", "isempty", "max", "min", "mod",
+    "numel", "sin", "sqrt", "ss", "struct", "tf", "zeros",
 }  # fmt: skip
 
 

@@ -48,7 +48,7 @@ FULL = diagnosis(
         Prediction("resonance_hz", Interval(2.5, None), Interval(None, None), "Hz"),
     ),
     homogeneity=(Homogeneity("d1", 0.002, {"a": 0.3, "b": 0.4}, "d1 changed between sessions: 0.3 in a, 0.4 in b."),),
-    limits=(
+    detection_limits=(
         DetectionLimit("tilt", "guide", "F", 0.02, "V", 0.1, {}),
         DetectionLimit("coil_bind", "spring", "kb", math.inf, "V/mm", 0.05, {"d0": (5.0, "mm")}),
     ),
@@ -107,7 +107,7 @@ def test_how_small_what_is_not_named_may_be_is_told_in_the_rigs_units():
     tilt, bind = FULL.as_json()["detection_limits"]
     assert (tilt["value"], tilt["unit"], tilt["shape"]) == (0.02, "V", {})
     assert bind["value"] is None
-    own = in_units(FULL, RIG).limits
+    own = in_units(FULL, RIG).detection_limits
     assert (own[0].value, own[0].usual, own[0].unit) == (pytest.approx(20.0), pytest.approx(100.0), "mV")
     assert own[1].shape == {"d0": (pytest.approx(0.005), "m")}
     # the hardest to see first
