@@ -21,6 +21,9 @@ from identification.recordings.faults import gathered
 
 _MOST_FAULTS = 6
 
+# what acts along the track, which runs begin anywhere on
+_ALONG = {"position_friction": "bumps of friction", "ground_spring": "springs to ground"}
+
 
 def build_diagnosis(
     diagnosis: Diagnosis,
@@ -287,10 +290,14 @@ def _limits(d: Diagnosis) -> Section:
         section.text(
             "What is not named is not absent. Below this size an effect would not gain enough in most data sets like these: to "
             "first order, in its most visible form, and beside what was named; what friction makes of it may hide more. What "
-            "differs from run to run hides what is like it. Where along the track runs began is not known, so bumps of friction "
-            "and springs to ground are hidden most: these recordings cannot tell them from a rough track unless they are "
-            "much larger. Runs that begin at one marked place would."
+            "differs from run to run hides what is like it."
         )
+        along = [what for id_, what in _ALONG.items() if any(x.id == id_ for x in d.detection_limits)]
+        if along:
+            section.text(
+                f"Where along the track runs began is not known, so {words.listed(along)} are hidden most: these recordings "
+                "cannot tell them from a rough track unless they are much larger. Runs that begin at one marked place would."
+            )
         section.table(
             ("effect", "size", "not seen below", "unit", "over what is usual", "in the form"),
             [

@@ -116,6 +116,11 @@ def test_how_small_what_is_not_named_may_be_is_told_in_the_rigs_units():
         ("tilt at guide", "F", "0.02", "V", "0.2", "–"),
     )
     assert not _limits(diagnosis()).blocks
+    # of what is named already nothing is hidden
+    bump = DetectionLimit("position_friction", "cart_2", "amplitude", 0.02, "V", 0.05, {"P": (28.0, "mm")})
+    said = _limits(diagnosis(detection_limits=(bump,))).blocks[1].text
+    assert "bumps of friction are hidden most" in said
+    assert "ground" not in said
 
 
 def test_what_changed_between_sessions_is_said():
