@@ -113,4 +113,5 @@ def factors(recording: Recording, recordings: Sequence[Recording]) -> dict[str, 
     """Return how one file unit of each role reads in the rig's unit, as the description says for that file."""
     if not isinstance(recordings, RecordingSet):
         return {}
-    return {role: unit.factor for role, unit in recordings.rig.for_file(recording.source).units.items()}
+    units = recordings.rig.for_file(recording.source).units
+    return {role: unit.factor for role, unit in units.items() if unit.factor is not None}

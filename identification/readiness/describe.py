@@ -109,7 +109,9 @@ def _units(units: Mapping[str, Unit], remark: str = "") -> Table:
     for role in ROLES:
         if role in units:
             entry = tomlkit.inline_table()
-            entry["unit"], entry["factor"] = units[role].name, units[role].factor
+            entry["unit"] = units[role].name
+            if units[role].factor is not None:
+                entry["factor"] = units[role].factor
             table[role] = entry
         elif remark and role in _UNITS and not units:
             table.add(tomlkit.comment(f"{role} = {_UNITS[role]}"))

@@ -33,7 +33,7 @@ DIMENSION: dict[Signal, Dimension] = {
     "v2": "velocity",
 }
 
-_TIME = ("t", "time", "timestamp", "timestamps", "tout", "elapsedtime")
+_TIME = ("t", "time", "timestamp", "timestamps", "tout", "elapsedtime", "xvalue")
 _COMMAND = (
     "u",
     "uin",
@@ -57,6 +57,10 @@ _COMMAND = (
     "torquecommand",
     "commandtorque",
     "currentcommand",
+)
+# which are no voltages, whatever their unit is
+NO_VOLTS = frozenset(
+    ("effort", "controleffort", "duty", "dutycycle", "torquecommand", "commandtorque", "currentcommand")
 )
 _REFERENCE = (
     "xr",
@@ -113,12 +117,15 @@ _KINDRED: tuple[dict[str, float], ...] = (
 _FOREIGN = {name for group in _KINDRED for name in group}
 
 _SAID: dict[Origin, str] = {
-    "measured": "exp expt experiment experimental meas measured measurement raw actual act real logged recorded rec",
+    "measured": "exp expt experiment experimental meas measured measurement raw actual act real logged recorded rec "
+    "applied sat saturated clipped limited",
     "filtered": "filt filtered filter flt lpf lp lowpass smooth smoothed",
     "simulated": "sim simulated simulation model mdl pred predicted est estimated hat theory theoretical ideal nominal",
     "plain": "scopedata scope data log out logsout signal",
 }
 _WORDS: dict[str, Origin] = {word: origin for origin, words in _SAID.items() for word in words.split()}
+# of a command that is limited before it acts
+LIMITED = frozenset(("applied", "sat", "saturated", "clipped", "limited"))
 _RANK: tuple[Origin, ...] = ("measured", "plain", "filtered", "simulated")
 _WORD = re.compile(
     rf"(?:^|(?<=[\s_.\-]))(?:{'|'.join(sorted(_WORDS, key=len, reverse=True))})(?=$|[\s_.\-\[(])", re.IGNORECASE
@@ -241,6 +248,8 @@ def _unglued(label: str) -> tuple[str, str]:
 
 def _known(label: str, name: str) -> Column | None:
     """Return the column that a name without words of origin stands for."""
+    # x(1) counts carts
+    name = re.sub(r"[\[({]([12])[\])}]", r"\1", name)
     bracket = _BRACKETS.match(name)
     if bracket is not None:
         signal = _signal(bracket["stem"])
@@ -259,6 +268,28 @@ def _known(label: str, name: str) -> Column | None:
                 return Column(label, signal, nan, tail)
     signal = _signal(name)
     return None if signal is None else Column(label, signal)
+
+
+def no_volts(column: Column) -> bool:
+    """Whether a command without a unit is called what is none in volts."""
+    return column.signal == "u" and not column.unit and _plain(_WORD.sub("", column.label)) in NO_VOLTS
+
+
+def with_unit(label: str, signal: Signal) -> Column:
+    """Return a column whose role a description tells, with the unit that the end of its name says.
+
+    Brackets hold a unit whatever they hold. After a separator stands one only if it is known and has two letters or more: the
+    m of ``phi_m`` is a motor.
+    """
+    found = read_label(label)
+    if found is not None and found.signal == signal:
+        return found
+    bracket = _BRACKETS.match(label)
+    if bracket is not None and not bracket["unit"].strip().isdigit():
+        return Column(label, signal, unit=bracket["unit"].strip())
+    known = {*_UNITS[DIMENSION[signal]], *_FOREIGN}
+    tails = (label[cut.end() :] for cut in _SEPARATOR.finditer(label))
+    return Column(label, signal, unit=next((t for t in tails if len(_plain(t)) > 1 and _plain(t) in known), ""))
 
 
 def conversion(column: Column, wanted: str) -> float | None:
@@ -290,9 +321,11 @@ def no_unit(source: str, label: str, signal: Signal, unit: str, wanted: str = ""
 def unit_remedy(label: str, signal: Signal, unit: str, lab: str) -> str:
     """Return what to do about a column whose unit is not known."""
     role, by = "reference" if signal == "xr" else signal, f"the factor from {unit} to {lab}"
-    if read_label(label) is None:
-        # the name tells no signal, so that it must be given one, too
-        told = f'[columns] {role} = "{label}" and [units] {role} = {{ unit = "{lab}", factor = F }}, where F is {by}'
-    else:
+    # the name may tell no signal, so that it must be given one, too
+    named = "" if read_label(label) is not None else f'[columns] {role} = "{label}" and '
+    told = f'[units] {role} = {{ unit = "{lab}", factor = F }}, where F is {by}'
+    # time is in seconds, and a velocity in the unit of positions per second
+    if DIMENSION[signal] != "time" and (DIMENSION[signal] != "velocity" or unit.endswith("/s")):
         told = f'[units] {role} = {{ unit = "{unit}" }}, or unit = "{lab}" with {by}'
+    told = named + told
     return f"Convert the column to {lab} and rename it {signal} [{lab}], or say in rig.toml what it is: {told}."

@@ -27,6 +27,9 @@ _NAMES = (
 _EARLIEST, _LATEST = 1980, 2100
 _EPOCH = datetime(1970, 1, 1)  # noqa: DTZ001  (a rig's own clock, whose zone nobody wrote down)
 _DAY = 86400.0
+_MONTHS_A_YEAR = 12
+# sampling periods of a drive's log [s], and the span from which on stamps without a unit are in a smaller one than seconds
+_SHORTEST_STEP, _LONGEST_STEP, _LONGEST_RUN = 5e-4, 5e-2, 200.0
 
 
 def date_of_header(header: bytes) -> datetime | None:
@@ -72,8 +75,12 @@ def seconds_of_text(column: pd.Series) -> FloatArray | None:
         return np.asarray(spans.dt.total_seconds(), dtype=np.float64)
     if not re.search(r"\d[-/. ]\w{1,3}[-/. ]\d", first):
         return None
+    # where dots part a date its day stands first; between strokes only a number above 12 tells
+    days = text.str.extract(r"^(\d{1,2})/")[0].astype(float)
+    day_first = re.match(r"^\d{1,2}\.\d", first) is not None or bool((days > _MONTHS_A_YEAR).any())
     try:
-        dates = pd.to_datetime(text, errors="coerce", utc=True, format="ISO8601" if first[:4].isdigit() else "mixed")
+        style = {"format": "ISO8601"} if first[:4].isdigit() else {"format": "mixed", "dayfirst": day_first}
+        dates = pd.to_datetime(text, errors="coerce", utc=True, **style)
         whole = (dates - pd.Timestamp(0, tz="UTC")).dt.total_seconds()
     except (ValueError, OverflowError):  # a year that no clock shows
         return None
@@ -82,7 +89,7 @@ def seconds_of_text(column: pd.Series) -> FloatArray | None:
     return np.asarray(whole, dtype=np.float64)
 
 
-def seconds_of_stamps(t: FloatArray, unit: str) -> tuple[FloatArray, datetime | None, str]:
+def seconds_of_stamps(t: FloatArray, unit: str) -> tuple[FloatArray, datetime | None, tuple[str, ...]]:
     """Return stamps that count from a date, or in milliseconds without saying so, as seconds from the first one.
 
     Parameters
@@ -98,22 +105,27 @@ def seconds_of_stamps(t: FloatArray, unit: str) -> tuple[FloatArray, datetime | 
         Unchanged where the stamps are none of these.
     recorded : datetime or None
         Date of the first stamp.
-    note : str
-        What was done; empty where nothing was.
+    notes : tuple of str
+        What was done.
     """
     good = t[np.isfinite(t)]
     if good.size < 2:
-        return t, None, ""
+        return t, None, ()
     first, step = float(good[0]), float(np.median(np.diff(good)))
     if not unit and 7.0e5 < first < 7.8e5 and 0.0 < step < 1e-4:
-        return (t - first) * _DAY, _since(first - 719529.0, _DAY), "time stamps are MATLAB's day numbers"
+        return (t - first) * _DAY, _since(first - 719529.0, _DAY), ("time stamps are MATLAB's day numbers",)
     for scale, name in ((1.0, "seconds"), (1e-3, "milliseconds"), (1e-6, "microseconds"), (1e-9, "nanoseconds")):
         # from 2001 to 2096
         if 1e9 < first * scale < 4e9 and (not unit or scale == 1.0):
-            return (t - first) * scale, _since(first, scale), f"time stamps are {name} since 1970"
-    if not unit and 0.5 <= step <= 50.0 and float(good[-1]) - first >= 200.0:
-        return t * 1e-3, None, "warning: the time column has no unit; its stamps are read as milliseconds"
-    return t, None, ""
+            return (t - first) * scale, _since(first, scale), (f"time stamps are {name} since 1970",)
+    span = float(good[-1]) - first
+    for scale, name in ((1e-3, "milliseconds"), (1e-6, "microseconds"), (1e-9, "nanoseconds")):
+        if not unit and _SHORTEST_STEP <= step * scale <= _LONGEST_STEP and span * scale >= 1e-3 * _LONGEST_RUN:
+            notes = [f"warning: the time column has no unit; its stamps are read as {name}"]
+            if step == 1.0:
+                notes.append("stamps that number the samples need the period in rig.toml: [rig] sample_time = 0.002")
+            return t * scale, None, tuple(notes)
+    return t, None, ()
 
 
 def _since(count: float, scale: float) -> datetime | None:

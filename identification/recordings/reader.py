@@ -25,9 +25,10 @@ from identification.recordings.rig import Rig, load_rig
 from identification.recordings.roles import find_roles
 from identification.recordings.scale import choose_units
 from identification.recordings.timing import make_uniform
+from identification.recordings.wraps import unwrapped
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from flexdrive_gym.recording import FloatArray
     from identification.recordings.rig import FileRule
@@ -196,14 +197,14 @@ def _parse(file: _File) -> Parsed:
         raise NotARecordingError(f"{source}: left out by rig.toml")
     table = read_table(file.path)
     roles = find_roles(table, rig, source)
-    signals = dict(roles.signals)
-    t, recorded, note = seconds_of_stamps(signals.pop("t"), roles.unit)
+    signals, turned = _without_wraps(dict(roles.signals), roles.factors)
+    t, recorded, dated = seconds_of_stamps(signals.pop("t"), roles.unit)
     # the grid of the counts is looked for before resampling and interpolation leave it
     steps: dict[str, float] = {name: _step(signals[name], roles.factors[name]) for name in CHANNELS if name in signals}
     uniform = make_uniform(t, signals, source, rig.sample_time)
     Ts = float(np.median(np.diff(uniform.t)))
     cutoff = _cutoff(signals, steps, Ts, roles.filtered)
-    notes = (*table.notes, *roles.notes, *((note,) if note else ()), *_filter_notes(roles.filtered, cutoff))
+    notes = (*table.notes, *roles.notes, *turned, *dated, *_filter_notes(roles.filtered, cutoff))
     rule = file.rule
     return Parsed(
         file.name,
@@ -217,6 +218,19 @@ def _parse(file: _File) -> Parsed:
         "" if rule is None else rule.session,
         () if rule is None or rule.held is None else rule.held,
     )
+
+
+def _without_wraps(
+    signals: dict[str, FloatArray], factors: Mapping[str, float]
+) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
+    """Return signals whose positions go on where their counters began again, and notes."""
+    notes = []
+    for name in ("x1", "x2"):
+        found = unwrapped(signals[name] / factors[name]) if name in signals else None
+        if found is not None:
+            signals[name] = found[0] * factors[name]
+            notes.append(f"{name} begins again after {found[1]:.6g}: read on from there")
+    return signals, tuple(notes)
 
 
 def _step(values: FloatArray, factor: float) -> float:

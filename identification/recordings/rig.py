@@ -34,10 +34,10 @@ _SCALE = ("length", "command", "time")
 
 @dataclass(frozen=True)
 class Unit:
-    """Unit of a role: its name, and how one file unit reads in it."""
+    """Unit of a role: its name, and how one file unit reads in it; ``None`` where the column's own name is to say that."""
 
     name: str
-    factor: float = 1.0
+    factor: float | None = None
 
 
 @dataclass(frozen=True)
@@ -265,13 +265,16 @@ def _units(where: str, value: Any) -> dict[str, Unit]:
             remedy = f'Write {role} = {{ unit = "mm", factor = 0.0044 }}.'
             raise broken(where, f"[units] {role}", "must have a unit and may have a factor", repr(entry)[:60], remedy)
         _known_keys(where, f"[units] {role}", unit, ("unit", "factor"))
-        factor = unit.get("factor", 1.0)
-        if isinstance(factor, bool) or not isinstance(factor, int | float) or not isfinite(factor) or factor == 0.0:
+        factor = unit.get("factor")
+        number = isinstance(factor, int | float) and not isinstance(factor, bool) and isfinite(factor) and factor != 0.0
+        if factor is not None and not number:
             rule = "must be a finite number other than 0"
             raise broken(
                 where, f"[units] {role} factor", rule, repr(factor), "Write how one file unit reads in the rig's unit."
             )
-        found[role] = Unit(_text(where, f"[units] {role} unit", unit["unit"]), float(factor))
+        found[role] = Unit(
+            _text(where, f"[units] {role} unit", unit["unit"]), None if factor is None else float(factor)
+        )
     return found
 
 

@@ -9,10 +9,21 @@ from __future__ import annotations
 
 import difflib
 import re
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
 
 from identification.recordings.candidates import MOST_LISTED, ROLE, Candidate, File, either
-from identification.recordings.columns import MEASURED, conversion, no_unit, read_label, unit_remedy
+from identification.recordings.columns import (
+    LIMITED,
+    MEASURED,
+    conversion,
+    no_unit,
+    no_volts,
+    read_label,
+    unit_remedy,
+    with_unit,
+)
 from identification.recordings.errors import NotARecordingError
 from identification.recordings.names import combined, resolve
 from identification.recordings.one_clock import on_one_clock
@@ -26,6 +37,10 @@ if TYPE_CHECKING:
     from identification.recordings.errors import RecordingError
     from identification.recordings.rig import Rig
     from identification.recordings.table import Series, Table
+
+
+# share of its range by which a limited command may miss the limits, and of the samples that may, for one comes a sample later
+_ALIKE, _UNLIKE = 0.02, 0.1
 
 
 def find_roles(table: Table, rig: Rig, source: str) -> Roles:
@@ -76,9 +91,9 @@ def _named(file: File) -> set[int]:
         else:
             file.absent[role] = names
     for role, series in resolved.items():
-        unit = file.rig.units.get(role)
-        factor = unit.factor if unit is not None else _own_factor(file, role, read_label(series.label), series.label)
-        file.candidates[SIGNAL[role]] = [Candidate(series, factor)]
+        # a sum has no unit in its name, and a column without a name none at all
+        own = with_unit(series.label if series.named else "", cast("Signal", SIGNAL[role]))
+        file.candidates[SIGNAL[role]] = [Candidate(series, _own_factor(file, role, own, series.label))]
     for role, names in file.absent.items():
         _check_absent(file, role, names, taken)
     return taken
@@ -99,32 +114,40 @@ def _wanted_unit(rig: Rig, role: str) -> str:
     return {"t": "s", "u": command, "v1": f"{length}/s", "v2": f"{length}/s"}.get(role, length)
 
 
-def _own_factor(file: File, role: str, column: Column | None, label: str) -> float:
-    """Return the factor to the rig's unit that a column's own name implies."""
-    if column is None:
-        return 1.0
-    wanted = _wanted_unit(file.rig, role)
-    factor = conversion(column, wanted)
+def _own_factor(file: File, role: str, column: Column, label: str) -> float:
+    """Return the factor to the rig's unit: as the description has it, else as the column's own name says."""
+    factor = _factor(file, role, column)
     if factor is None:
-        raise no_unit(file.source, label, column.signal, column.unit, wanted)
+        raise no_unit(file.source, label, column.signal, column.unit, _wanted_unit(file.rig, role))
     return factor
+
+
+def _factor(file: File, role: str, column: Column) -> float | None:
+    """Return the factor to the rig's unit, or ``None`` where nothing tells it."""
+    unit, factor = file.rig.units.get(role), conversion(column, _wanted_unit(file.rig, role))
+    if unit is None or (unit.factor is None and factor is not None):
+        return factor
+    if unit.factor is None:
+        file.notes.append(f"{column.label}: the name says {column.unit}, rig.toml {unit.name}, which holds")
+    return 1.0 if unit.factor is None else unit.factor
 
 
 def _recognised(file: File, taken: set[int]) -> None:
     """Add the columns that their own names tell, for the roles that the description does not name."""
-    ignored = []
+    ignored, counted = [], _counted_from_zero(file.table)
+    if counted:
+        file.notes.append(f"{', '.join(counted)}: carts are counted from 0 and read as carts 1 and 2")
     for series in file.table.series:
         if id(series) in taken:
             continue
-        column = read_label(series.label) if series.named else None
+        column = read_label(counted.get(series.label, series.label)) if series.named else None
         if column is None:
             ignored.append(series.shown)
             continue
         role = ROLE[column.signal]
         if role in file.rig.columns:
             continue
-        unit = file.rig.units.get(role)
-        factor = unit.factor if unit is not None else conversion(column, _wanted_unit(file.rig, role))
+        factor = _factor(file, role, column)
         if factor is None:
             file.strange.setdefault(column.signal, column)
             ignored.append(series.shown)
@@ -132,6 +155,10 @@ def _recognised(file: File, taken: set[int]) -> None:
             ignored.append(series.shown)
         else:
             file.candidates.setdefault(column.signal, []).append(Candidate(series, factor, column))
+            if no_volts(column) and "u" not in file.rig.units:
+                said = f"warning: {series.shown} says no unit and is read in {_wanted_unit(file.rig, role)}"
+                file.notes.append(f'{said}. Name it in rig.toml, for example [units] u = {{ unit = "N m" }}')
+    ignored += _no_commands(file)
     if ignored:
         more = f" and {len(ignored) - MOST_LISTED} more" if len(ignored) > MOST_LISTED else ""
         file.notes.append(f"columns ignored: {', '.join(ignored[:MOST_LISTED])}{more}")
@@ -141,6 +168,47 @@ def _recognised(file: File, taken: set[int]) -> None:
         if tail is not None and tail[0] in ignored and signal not in file.candidates:
             remedy = unit_remedy(tail[0], signal, tail[1], _wanted_unit(file.rig, ROLE[signal]))
             file.notes.append(f"{tail[0]}: {tail[1]!r} is no known unit of {signal}. {remedy}")
+
+
+def _no_commands(file: File) -> list[str]:
+    """Leave out columns that are called limited commands and are none, such as flags and limits; return their names."""
+    found = file.candidates.get("u", [])
+    limited = [c for c in found if c.words & LIMITED]
+    asked = [c for c in found if c not in limited]
+    none = [c for c in limited if asked and not any(_limits(c, other) for other in asked)]
+    if none:
+        file.candidates["u"] = [c for c in found if c not in none]
+    elif limited and asked:
+        file.notes.append(
+            f"{limited[0].series.shown} is read as the command, {asked[0].series.shown} as what was asked for"
+        )
+    return [c.series.shown for c in none]
+
+
+def _limits(limited: Candidate, asked: Candidate) -> bool:
+    """Whether a command is another one between limits."""
+    own, other = limited.series.values * limited.factor, asked.series.values * asked.factor
+    if own.shape != other.shape or not np.isfinite(own).any():
+        return False
+    low, high = float(np.nanmin(own)), float(np.nanmax(own))
+    near = np.abs(np.clip(other, low, high) - own) <= _ALIKE * (high - low)
+    return high > low and float(np.mean(near)) > 1.0 - _UNLIKE
+
+
+def _counted_from_zero(table: Table) -> dict[str, str]:
+    """Return names whose carts are counted from zero, each with the one that counts from one."""
+    labels = {series.label: series for series in table.series if series.named}
+    found: dict[str, str] = {}
+    for label, series in labels.items():
+        one, two = (label.replace("0", digit) for digit in "12")
+        if label.count("0") != 1 or one not in labels or two in labels:
+            continue
+        first, second = read_label(one), read_label(two)
+        pair = (first.signal if first else "", second.signal if second else "")
+        # what does not change is where a cart began
+        if pair in {("x1", "x2"), ("v1", "v2")} and np.nanmax(series.values) > np.nanmin(series.values):
+            found |= {label: one, one: two}
+    return found
 
 
 def _only_reference(file: File) -> bool:

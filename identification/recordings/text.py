@@ -11,7 +11,7 @@ import io
 import re
 import warnings
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +22,7 @@ from identification.recordings.errors import NotARecordingError, RecordingError,
 from identification.recordings.table import LARGEST, Series, Table
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
     from pathlib import Path
 
     import pandas as pd
@@ -34,6 +35,8 @@ _DECIMAL_COMMA = re.compile(r"^[+-]?\d*,\d+([ed][+-]?\d+)?$", re.IGNORECASE)
 _BLANK = r"\s+"
 _COMMENT = ("#", "%", "//", "'")
 MOST_HEADER = 400  # lines above the data
+_MOST_ROWS = 5000  # lines that tell a decimal sign
+_LIKE, _MOST_LIKE = 20, 0.7  # lines below the first one, and how many of them must be data, too
 WIDEST = 4096  # columns
 
 
@@ -67,7 +70,11 @@ def read_text(path: Path) -> Table:
     source = path.name
     lines = _lines(_decoded(_bytes(path), source))
     dialect = _dialect(lines, source)
-    frame = _parse(_body(lines, dialect), dialect, source)
+    body = _body(lines, dialect)
+    if dialect.separator != ",":
+        # the first line may hold whole numbers alone
+        dialect = replace(dialect, comma="," in body and _decimal_commas(body, dialect))
+    frame = _parse(body, dialect, source)
     labels = dialect.header
     values = tuple(_numbers(frame.iloc[:, k], labels[k], dialect, source) for k in range(dialect.count))
     kept = [k for k in range(dialect.count) if labels[k] or np.isfinite(values[k]).any()]
@@ -140,8 +147,8 @@ def _dialect(lines: list[str], source: str) -> _Dialect:
             continue
         if not bare.startswith(_COMMENT):
             found = _cut(line)
-            if found is not None and (above or _followed(lines, place, found)):
-                return _named(above, place, *found)
+            if found is not None and (_names_signals(above) or _begins(lines, place, found)):
+                return _named(above, lines, place, *found)
             if len(above) >= MOST_HEADER:
                 break
         above.append(line)
@@ -150,7 +157,7 @@ def _dialect(lines: list[str], source: str) -> _Dialect:
     if all(line.strip().startswith(_COMMENT) for line in above):
         remedy = "Record the run again."
         raise NotARecordingError(str(broken(source, "file", "must hold a header and samples", "comments only", remedy)))
-    if sum(read_label(cell) is not None for cell in _cells(above[-1], _separator_of(above[-1]))) > 1:
+    if _names_signals(above):
         raise broken(source, "file", "must hold samples below the header", "none", "Record the run again.")
     error = broken(source, "file", "must hold columns of numbers", f"'{above[0].strip()[:60]}'", "Leave it out.")
     raise NotARecordingError(str(error))
@@ -193,22 +200,46 @@ def _blank_with_decimal_comma(line: str) -> bool:
     return len(cells) > 1 and all(re.match(r"^[+-]?\d+(,\d+)?$", cell) for cell in cells) and "," in line
 
 
-def _followed(lines: list[str], place: int, found: tuple[str, int, bool]) -> bool:
-    """Whether the next line is of the same kind: a number in prose is no table."""
-    for line in lines[place + 1 : place + 4]:
-        if line.strip() and not line.strip().startswith(_COMMENT):
-            return _cut(line) is not None and abs(_cut(line)[1] - found[1]) <= 1  # type: ignore[index]
-    return False
+def _names_signals(above: list[str]) -> bool:
+    """Whether the last line has names of several signals."""
+    cells = _cells(above[-1], _separator_of(above[-1])) if above else []
+    return len({column.signal for column in map(read_label, cells) if column is not None}) > 1
 
 
-def _named(above: list[str], place: int, separator: str, count: int, comma: bool) -> _Dialect:
+def _begins(lines: list[str], place: int, found: tuple[str, int, bool]) -> bool:
+    """Whether most of the next lines are of the same kind: a number in prose, or a setting of the logger, is no table."""
+    like, seen = 0, 0
+    for line in lines[place + 1 :]:
+        if seen >= _LIKE:
+            break
+        if not line.strip() or line.strip().startswith(_COMMENT):
+            continue
+        seen += 1
+        other = _cut(line)
+        same = other is not None and other[0] == found[0] and abs(other[1] - found[1]) <= 1
+        like += same and _worded(line, found[0]) == _worded(lines[place], found[0])
+    return seen > 0 and like >= _MOST_LIKE * seen
+
+
+def _worded(line: str, separator: str) -> bool:
+    """Whether a line begins with a word."""
+    first = _cells(line, separator)[0]
+    return bool(first) and not _NUMBER.match(first) and not _DATE.match(first)
+
+
+def _named(above: list[str], lines: list[str], place: int, separator: str, count: int, comma: bool) -> _Dialect:
     """Return the dialect with the names of the columns, from the lines above the data."""
     candidates = [line.strip().lstrip("#%/' ") if line.strip().startswith(_COMMENT) else line for line in above]
     units: list[str] | None = None
     for line in reversed(candidates[-6:]):
         names = _header(line, separator, count)
+        if names is None and separator == _BLANK:
+            names = _header(line, separator, count - 1)
+            names = names if names is not None and _numbered(lines[place:], separator) else None
         if names is None:
             continue
+        if len(names) == count - 1 and _numbered(lines[place:], separator):
+            names = ["", *names]
         if units is None and _are_units(names):
             units = names
             continue
@@ -218,6 +249,16 @@ def _named(above: list[str], place: int, separator: str, count: int, comma: bool
             names = [_with_unit(name, unit) for name, unit in zip(names, units + [""] * width, strict=False)]
         return _Dialect(separator, width, place, tuple(names), named=True, comma=comma)
     return _Dialect(separator, count, place, tuple(str(k + 1) for k in range(count)), named=False, comma=comma)
+
+
+def _numbered(lines: list[str], separator: str) -> bool:
+    """Whether rows begin with their number, and time comes second: such a first column often has no name."""
+    rows = [_cells(line, separator)[:2] for line in lines[:_LIKE] if line.strip()]
+    if len(rows) < 3 or not all(len(row) == 2 and row[0].isdigit() and _NUMBER.match(row[1]) for row in rows):
+        return False
+    number, time = [int(row[0]) for row in rows], [float(row[1].replace(",", ".").replace("d", "e")) for row in rows]
+    pairs = range(1, len(rows))
+    return all(number[i] == number[i - 1] + 1 for i in pairs) and all(time[i] > time[i - 1] for i in pairs)
 
 
 def _with_unit(name: str, unit: str) -> str:
@@ -304,6 +345,25 @@ def _uneven(source: str, count: int, got: str) -> RecordingError:
     )
 
 
+def _thousands(cells: Iterable[str], mark: str) -> bool:
+    """Whether a mark parts thousands: it does where only whole numbers from 1000 on have it, and three digits follow."""
+    cells = list(cells)
+    marked = [cell for cell in cells if mark in cell]
+    whole = re.compile(rf"^[+-]?[1-9]\d{{0,2}}(\{mark}\d{{3}})+$")
+    return (
+        0 < len(marked) < len(cells)
+        and all(whole.match(cell) for cell in marked)
+        and all(re.match(r"^[+-]?\d{0,3}$", cell) for cell in cells if mark not in cell)
+    )
+
+
+def _decimal_commas(body: str, dialect: _Dialect) -> bool:
+    """Whether commas are decimal signs: some are in a column where they part no thousands."""
+    rows = [_cells(line, dialect.separator) for line in body.splitlines()[:_MOST_ROWS]]
+    columns = ([row[k] for row in rows if k < len(row)] for k in range(dialect.count))
+    return any("," in "".join(cells) and not _thousands(cells, ",") for cells in columns)
+
+
 def _numbers(column: pd.Series, label: str, dialect: _Dialect, source: str) -> FloatArray:
     """Return a column as numbers, with empty cells, and words in unknown columns, as NaN."""
     import pandas as pd  # noqa: PLC0415
@@ -317,6 +377,8 @@ def _numbers(column: pd.Series, label: str, dialect: _Dialect, source: str) -> F
         if seconds is not None:
             return seconds
     if dialect.separator != ",":
+        mark = "." if dialect.comma else ","
+        text = text.str.replace(mark, "", regex=False) if _thousands(text.dropna(), mark) else text
         text = text.str.replace(",", ".", regex=False)
     numbers = pd.to_numeric(text.str.replace(r"(?<=\d)[dD](?=[+-]?\d+$)", "e", regex=True), errors="coerce")
     bad = numbers.isna() & column.notna() & ~text.str.lower().isin(["", "nan", "na", "-", "null", "none"])

@@ -23,6 +23,8 @@ SHORTEST = 0.2  # s: below this not even the spring's first swing (about 3 Hz) i
 SLOWEST = 0.5  # s per sample: no log of this drive is so slow; stamps in ms labelled s are
 UNEVEN = 1e-3  # of the sampling period, below which stamps are left as they are
 MOST_INVENTED = 1.5  # samples on the grid for one in the file
+LOST = 2.5  # sampling periods between neighbours, from which on more than one sample is missing
+UNKNOWN = 0.02  # of what a command does otherwise, that it may have done in a gap
 STRETCH = 0.01  # by which a given sampling period may differ from the stamps
 
 
@@ -79,6 +81,10 @@ def make_uniform(
     else:
         t, signals, notes = clean_stamps(t, signals, source)
     Ts = _sample_time(t, source)
+    signals, empty = _without_empty(signals)
+    notes += empty
+    t, signals, cut = _without_unknown_commands(t, signals, Ts)
+    notes += cut
     gaps, gap_notes = _gaps(t, Ts, source)
     signals, missing = _fill(t, signals, source)
     step, resample, jitter_notes = _regularity(t, Ts, gaps, source)
@@ -86,7 +92,7 @@ def make_uniform(
     for where in np.flatnonzero(gaps):
         missing.setdefault("", []).append((float(t[where] + Ts), float(t[where + 1] - Ts)))
     if resample:
-        t, signals = _resample(t, signals, step)
+        t, signals = _resample(t, signals, step, gaps)
     else:
         t = _evened(t)
     return Uniform(t, signals, missing, tuple(notes))
@@ -185,6 +191,15 @@ def spans(t: FloatArray, bad: BoolArray) -> list[tuple[float, float]]:
     return [(float(t[a]), float(t[b])) for a, b in zip(first, last, strict=True)]
 
 
+def _without_empty(signals: dict[str, FloatArray]) -> tuple[dict[str, FloatArray], list[str]]:
+    """Return the signals without those that hold no value and are not needed beside others."""
+    full = {name: values for name, values in signals.items() if np.isfinite(values).any()}
+    empty = [name for name in signals if name not in full]
+    if not empty or "u" in empty or not any(name[0] in "xv" and name != "xr" for name in full):
+        return signals, []
+    return full, [f"no value of {' and '.join(empty)}: left out"]
+
+
 def _fill(
     t: FloatArray, signals: dict[str, FloatArray], source: str
 ) -> tuple[dict[str, FloatArray], dict[str, list[tuple[float, float]]]]:
@@ -216,9 +231,39 @@ def _held(t: FloatArray, values: FloatArray, grid: FloatArray) -> FloatArray:
     return values[np.clip(latest, 0, values.size - 1)]
 
 
-def _resample(t: FloatArray, signals: dict[str, FloatArray], step: float) -> tuple[FloatArray, dict[str, FloatArray]]:
+def _resample(
+    t: FloatArray, signals: dict[str, FloatArray], step: float, gaps: BoolArray
+) -> tuple[FloatArray, dict[str, FloatArray]]:
     grid = t[0] + step * np.arange(int(np.floor((t[-1] - t[0]) / step + 1e-6)) + 1)
-    resampled = {
-        name: _held(t, values, grid) if name == "u" else np.interp(grid, t, values) for name, values in signals.items()
-    }
+    resampled = {name: np.interp(grid, t, values) for name, values in signals.items()}
+    # a command is held from sample to sample, but who knows where in a gap it changed
+    before = np.clip(np.searchsorted(t, grid + 1e-9, side="right") - 1, 0, gaps.size - 1)
+    inside = gaps[before] & (grid < t[before + 1] - 1e-9)
+    resampled["u"] = np.where(inside, resampled["u"], _held(t, signals["u"], grid))
     return grid, resampled
+
+
+def _without_unknown_commands(
+    t: FloatArray, signals: dict[str, FloatArray], Ts: float
+) -> tuple[FloatArray, dict[str, FloatArray], list[str]]:
+    """Return the longest piece without a gap in which nobody knows what the command did.
+
+    Outputs that are lost are masked, and harm nothing. A command that is wrong moves the model for ever after: what it may have
+    done in a gap is held against what it does otherwise.
+    """
+    good = np.isfinite(signals["u"])
+    if not good.any():
+        return t, signals, []
+    step, u = np.diff(t), _held(t[good], signals["u"][good], t)
+    done = np.cumsum(u - np.mean(u)) * Ts
+    unknown = (step > LOST * Ts) & (np.abs(np.diff(u)) * (step - Ts) > UNKNOWN * float(np.ptp(done)))
+    edges = np.r_[0, np.flatnonzero(unknown) + 1, t.size]
+    if edges.size == 2:
+        return t, signals, []
+    best = int(np.argmax(np.diff(edges)))
+    first, last = int(edges[best]), int(edges[best + 1])
+    note = (
+        f"the command changes in gaps of time, the first {step[edges[1] - 1]:.3g} s at {t[edges[1] - 1]:.4g} s: of "
+        f"{edges.size - 1} pieces the longest is read, samples {first + 1} to {last}"
+    )
+    return t[first:last], {name: values[first:last] for name, values in signals.items()}, [note]

@@ -1,0 +1,201 @@
+"""Files as their owners left them: what other programs write around the numbers, and what must not be misread in silence."""
+
+import numpy as np
+import pytest
+
+from identification.recordings import RecordingError, read_recordings
+from identification.recordings.rig import parse_rig
+from identification.recordings.wraps import unwrapped
+from tests.each import each
+from tests.identification.recordings.logs import csv_text, position_log
+
+NAMES = ["t", "u", "x1", "x2"]
+
+
+@pytest.fixture(scope="module")
+def log():
+    full = position_log()
+    return {name: full[key] for name, key in zip(NAMES, ("t_s", "u_V", "x1_mm", "x2_mm"), strict=True)}
+
+
+def named(log, *names):
+    return dict(zip(names, log.values(), strict=True))
+
+
+def read(folder, text, rig=""):
+    (folder / "run.csv").write_text(text)
+    (run,) = read_recordings(folder, rig=parse_rig(rig) if rig else None)
+    return run
+
+
+def check(run, log, x1=1.0, x2=1.0):
+    assert run.u == pytest.approx(log["u"], abs=1e-4)
+    assert run.x1 == pytest.approx(x1 * log["x1"], abs=1e-4 * x1)
+    assert run.x2 == pytest.approx(x2 * log["x2"], abs=1e-4 * x2)
+
+
+class TestWhatStandsAboveTheData:
+    @each(
+        "above",
+        [
+            "Lab 3\nKp,0.12\n",
+            "Experiment: step\nKp: 0.12\nSample time: 0.001\n\n",
+            "Date,2025-11-10,11:35\nSamples,4001,4001\nGain,0.1,0.2\n",
+            "Samples,4001,4001,4001\nX0,0.0,0.0,0.0\nDelta_X,0.001,0.001,0.001\n***End_of_Header***,,,\n",
+        ],
+    )
+    def test_settings_of_the_logger_are_no_data(self, tmp_path, log, above):
+        check(read(tmp_path, above + csv_text(log)), log)
+
+    def test_data_begin_at_once_below_names_of_signals(self, tmp_path, log):
+        rows = csv_text(log).splitlines()
+        check(read(tmp_path, "\n".join([rows[0], *rows[1:]])), log)
+
+    @each("separator", [",", "\t", " "])
+    def test_row_numbers_without_a_name(self, tmp_path, log, separator):
+        head, *rows = csv_text(log, separator).splitlines()
+        run = read(tmp_path, "\n".join([head, *(f'"{i}"{separator}{row}' for i, row in enumerate(rows, 1))]))
+        check(run, log)
+
+    def test_a_last_column_without_a_name_stays_the_last(self, tmp_path, log):
+        head, *rows = csv_text(log).splitlines()
+        check(read(tmp_path, "\n".join([head, *(f"{row},7" for row in rows)])), log)
+
+    @each("separator", ["\t", ";"])
+    def test_thousands_are_no_decimals(self, tmp_path, log, separator):
+        micrometres = [f"{round(1e3 * x):,}".replace(",", "." if separator == ";" else ",") for x in log["x1"]]
+        assert any(len(text) > 4 for text in micrometres)
+        comma = "," if separator == ";" else "."
+        rows = (
+            separator.join([f"{t:.7g}".replace(".", comma), f"{u:.7g}".replace(".", comma), x])
+            for t, u, x in zip(log["t"], log["u"], micrometres, strict=True)
+        )
+        run = read(tmp_path, "\n".join([separator.join(["t", "u", "x1_um"]), *rows]))
+        assert run.x1 == pytest.approx(log["x1"], abs=1e-3)
+        assert run.u == pytest.approx(log["u"], abs=1e-4)
+
+
+class TestUnits:
+    RIG = '[columns]\nt = "Zeit [ms]"\nu = "Spannung [V]"\nx1 = "Weg1 [cm]"\nx2 = "Weg2_m"\n'
+
+    def test_a_named_column_keeps_the_unit_of_its_name(self, tmp_path, log):
+        table = named(log, "Zeit [ms]", "Spannung [V]", "Weg1 [cm]", "Weg2_mm")
+        table["Zeit [ms]"] = 1e3 * log["t"]
+        run = read(tmp_path, csv_text(table), self.RIG.replace("Weg2_m", "Weg2_mm"))
+        assert run.sample_time == pytest.approx(1e-3)
+        check(run, log, x1=10.0)
+
+    def test_the_m_of_a_motor_is_no_metre(self, tmp_path, log):
+        table = named(log, "t", "u", "phi_m", "phi_l")
+        check(read(tmp_path, csv_text(table), '[columns]\nx1 = "phi_m"\nx2 = "phi_l"\n'), log)
+
+    def test_an_angle_is_no_length(self, tmp_path, log):
+        table = named(log, "t", "u", "theta1 [deg]", "x2")
+        with pytest.raises(RecordingError, match=r'got deg\..*unit = "deg"'):
+            read(tmp_path, csv_text(table), '[columns]\nx1 = "theta1 [deg]"\n')
+
+    def test_the_rig_s_unit_is_not_the_column_s(self, tmp_path, log):
+        check(read(tmp_path, csv_text(named(log, "t", "u", "x1_cm", "x2_mm")), '[units]\nx1 = "mm"\n'), log, x1=10.0)
+
+    def test_a_factor_holds_whatever_the_name_says(self, tmp_path, log):
+        rig = '[units]\nx1 = { unit = "mm", factor = 2.0 }\n'
+        check(read(tmp_path, csv_text(named(log, "t", "u", "x1_cm", "x2_mm")), rig), log, x1=2.0)
+
+    def test_what_is_said_of_a_unit_that_contradicts(self, tmp_path, log):
+        run = read(tmp_path, csv_text(named(log, "t", "u_V", "x1", "x2")), '[units]\nu = "N m"\n')
+        assert "u_V: the name says V, rig.toml N m, which holds" in run.notes
+
+    def test_a_duty_without_a_unit_is_doubted(self, tmp_path, log):
+        run = read(tmp_path, csv_text(named(log, "t", "duty", "x1", "x2")))
+        assert any(note.startswith("warning: duty says no unit") for note in run.notes)
+
+    @each("unit", [("microseconds", 1e6), ("nanoseconds", 1e9)])
+    def test_small_units_of_time(self, tmp_path, log, unit):
+        name, per_second = unit
+        run = read(tmp_path, csv_text({**log, "t": np.round(per_second * log["t"])}).replace("e+", "e"))
+        assert run.sample_time == pytest.approx(1e-3)
+        assert f"warning: the time column has no unit; its stamps are read as {name}" in run.notes
+
+    def test_days_stand_before_months_where_dots_part_them(self, tmp_path, log):
+        stamps = [f"10.11.2025 11:35:{t:09.6f}" for t in log["t"]]
+        rows = (f"{s};{u:.7g};{x:.7g}" for s, u, x in zip(stamps, log["u"], log["x1"], strict=True))
+        assert read(tmp_path, "\n".join(["t;u;x1", *rows])).recorded.month == 11
+
+
+class TestWhichColumn:
+    @each("names", [("x0", "x1"), ("pos0_mm", "pos1_mm"), ("x[0]", "x[1]")])
+    def test_carts_that_are_counted_from_zero(self, tmp_path, log, names):
+        run = read(tmp_path, csv_text(named(log, "t", "u", *names)))
+        check(run, log)
+        assert any("counted from 0" in note for note in run.notes)
+
+    @each("names", [("x(1)", "x(2)"), ("x[1]", "x[2]")])
+    def test_numbers_in_brackets(self, tmp_path, log, names):
+        check(read(tmp_path, csv_text(named(log, "t", "u", *names))), log)
+
+    def test_where_a_cart_began_is_no_cart(self, tmp_path, log):
+        run = read(tmp_path, csv_text({**log, "x0": np.zeros_like(log["t"])}))
+        check(run, log)
+
+    @each("name", ["u_sat", "u_applied"])
+    def test_the_command_that_acts(self, tmp_path, log, name):
+        limit = 0.5 * np.max(log["u"])
+        run = read(tmp_path, csv_text({**log, name: np.clip(log["u"], -limit, limit)}))
+        assert np.max(run.u) == pytest.approx(limit, rel=1e-5)
+        assert f"{name} is read as the command, u as what was asked for" in run.notes
+
+    @each("values", [lambda u: np.full_like(u, 5.0), lambda u: (np.abs(u) > 1.0) * 1.0])
+    def test_a_limit_or_a_flag_is_no_command(self, tmp_path, log, values):
+        check(read(tmp_path, csv_text({**log, "u_sat": values(log["u"])})), log)
+
+    def test_an_empty_column_stops_no_file(self, tmp_path, log):
+        run = read(tmp_path, csv_text({**log, "xr": np.full_like(log["t"], np.nan)}))
+        check(run, log)
+        assert "no value of xr: left out" in run.notes
+
+
+class TestGapsInWhichTheCommandChanges:
+    def test_the_longest_piece_is_read(self, tmp_path, log):
+        square = {**log, "u": np.sign(np.sin(np.pi * log["t"] + 1e-9))}
+        kept = (log["t"] < 0.999) | (log["t"] > 1.03)
+        run = read(tmp_path, csv_text({name: values[kept] for name, values in square.items()}))
+        assert run.t[-1] - run.t[0] == pytest.approx(log["t"][-1] - 1.031, abs=2e-3)
+        assert any("the command changes in gaps" in note for note in run.notes)
+
+    def test_a_gap_in_which_it_does_not_is_bridged(self, tmp_path, log):
+        square = {**log, "u": np.sign(np.sin(np.pi * log["t"] + 1e-9))}
+        kept = (log["t"] < 1.4) | (log["t"] > 1.43)
+        run = read(tmp_path, csv_text({name: values[kept] for name, values in square.items()}))
+        assert run.n == len(log["t"])
+
+    def test_a_smooth_command_goes_on_in_a_short_gap(self, tmp_path, log):
+        sine = {**log, "u": 2.0 * np.sin(2.0 * np.pi * log["t"])}
+        kept = np.ones(len(log["t"]), dtype=bool)
+        kept[1000:1006] = False
+        run = read(tmp_path, csv_text({name: values[kept] for name, values in sine.items()}))
+        assert run.u == pytest.approx(sine["u"], abs=1e-3)
+
+
+class TestCountersThatBeginAgain:
+    @each("period", [2.0 * np.pi, 360.0, 256.0, 65536.0])
+    def test_they_go_on(self, period):
+        way = 1.7 * period * np.sin(np.linspace(0.0, 3.0, 3001)) + 0.1 * period
+        found, own = unwrapped(way % period)
+        assert own == pytest.approx(period)
+        assert found == pytest.approx(way, abs=1e-6 * period)
+
+    def test_a_missing_value_stays_missing(self):
+        way = np.linspace(0.0, 1000.0, 2001)
+        holed = way % 360.0
+        holed[77] = np.nan
+        found, _ = unwrapped(holed)
+        assert np.isnan(found[77])
+        assert np.delete(found, 77) == pytest.approx(np.delete(way, 77))
+
+    def test_what_leaps_without_going_on_has_a_fault(self):
+        way = np.linspace(0.0, 300.0, 2001)
+        way[900] = 0.0
+        assert unwrapped(way) is None
+
+    def test_a_way_that_ends_within_a_turn_is_as_it_is(self):
+        assert unwrapped(350.0 * np.sin(np.linspace(0.0, 1.5, 500))) is None
