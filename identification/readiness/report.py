@@ -172,7 +172,9 @@ class Check:
         closed = len(self.selection.usable) - self.found.available
         kept = f" and {closed} in closed loop {'serves' if closed == 1 else 'serve'} validation" if closed else ""
         of = f"{self.found.available} of {len(self.recordings)} recordings"
-        return f"ready: {of} can be fitted{kept}{rest}"
+        alarms, _ = notes_of(item.recording for item in self.recordings)
+        doubt = "; a warning stands above, and figures are wrong if it is right" if alarms else ""
+        return f"ready: {of} can be fitted{kept}{rest}{doubt}"
 
     def remarks(self) -> list[str]:
         """Return what identification and diagnosis should say before they go on."""
