@@ -134,7 +134,7 @@ _WORD = re.compile(
 _GLUED = re.compile(r"^(exp|meas|sim|raw|filt)(?=[a-z]+\d?$)|(?<=[a-z0-9])(exp|meas|sim|raw|filt)$", re.IGNORECASE)
 
 _BRACKETS = re.compile(r"^(?P<stem>.*?)\s*[\[({](?P<unit>[^\])}]*)[\])}]\s*$")
-_SEPARATOR = re.compile(r"[\s_/,.:-]+")
+_SEPARATOR = re.compile(r"[\s_/,.:-]+(?:in\s+)?")
 
 
 @dataclass(frozen=True)
@@ -290,6 +290,21 @@ def with_unit(label: str, signal: Signal) -> Column:
     known = {*_UNITS[DIMENSION[signal]], *_FOREIGN}
     tails = (label[cut.end() :] for cut in _SEPARATOR.finditer(label))
     return Column(label, signal, unit=next((t for t in tails if len(_plain(t)) > 1 and _plain(t) in known), ""))
+
+
+def kind_of(label: str) -> Dimension | None:
+    """Return what the unit at the end of an unknown name measures: of commands all that motors are given."""
+    bracket = _BRACKETS.match(label)
+    tail = bracket["unit"] if bracket is not None else [*_SEPARATOR.split(label), ""][1:][-2:][0]
+    unit = _plain(tail)
+    angles, rates, torques, currents, forces, counts, _, converters, duties = _KINDRED
+    kinds: tuple[tuple[Dimension, tuple[dict[str, float], ...]], ...] = (
+        ("time", (_UNITS["time"],)),
+        ("voltage", (_UNITS["voltage"], torques, currents, forces, converters, duties)),
+        ("length", (_UNITS["length"], angles, counts)),
+        ("velocity", (_UNITS["velocity"], rates)),
+    )
+    return next((kind for kind, groups in kinds if any(unit in group for group in groups)), None)
 
 
 def conversion(column: Column, wanted: str) -> float | None:

@@ -18,6 +18,7 @@ from identification.recordings.columns import (
     LIMITED,
     MEASURED,
     conversion,
+    kind_of,
     no_unit,
     no_volts,
     read_label,
@@ -254,7 +255,29 @@ def _missing(file: File, wanted: Sequence[Signal], meaning: str, example: str) -
     )
     if wanted == ("t",):
         remedy += " Without any, write the sampling period: [rig] sample_time = 0.001."
+    if told := _by_units(file):
+        remedy = f"Say in rig.toml what they are; by their units, under [columns] a line each: {told}."
     return file.error("columns", rule, file.shown(), remedy + hint)
+
+
+def _by_units(file: File) -> str:
+    """Return what columns of unknown names may be, by the units that they have, where these tell all that is missing."""
+    free = [s.label for s in file.table.series if s.named and read_label(s.label) is None]
+    kinds = {label: kind_of(label) for label in free}
+    found = {}
+    missing = [signal for signal in ("t", "u") if signal not in file.candidates]
+    missing += [] if any(signal in file.candidates for signal in MEASURED) else ["x1"]
+    for signal, kind in (("t", "time"), ("u", "voltage")):
+        fitting = [label for label in free if kinds[label] == kind]
+        if signal in missing and len(fitting) == 1:
+            found[signal] = fitting[0]
+    for kind, names in (("length", ("x1", "x2")), ("velocity", ("v1", "v2"))):
+        fitting = [label for label in free if kinds[label] == kind]
+        if "x1" in missing and len(fitting) <= len(names):
+            found |= dict(zip(names, fitting, strict=False))
+    measured = any(signal in found for signal in MEASURED)
+    whole = all(signal in found or (signal == "x1" and measured) for signal in missing)
+    return "; ".join(f'{ROLE[signal]} = "{label}"' for signal, label in found.items()) if whole else ""
 
 
 def _strange_tail(table: Table, signal: Signal) -> tuple[str, str] | None:

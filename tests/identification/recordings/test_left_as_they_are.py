@@ -153,6 +153,29 @@ class TestWhichColumn:
         check(run, log)
         assert "no value of xr: left out" in run.notes
 
+    @each(
+        "names",
+        [
+            ("Zeit [ms]", "Spannung [mV]", "Weg 1 [cm]", "Weg 2 [cm]"),
+            ("Temps (s)", "Courant (A)", "Chariot 1 (mm)", "Chariot 2 (mm)"),
+            ("Zeit in s", "Stellgröße in V", "Weg1 in mm", "Weg2 in mm"),
+            ("時間[s]", "電圧[V]", "位置1[mm]", "位置2[mm]"),
+        ],
+    )
+    def test_unknown_names_are_told_by_their_units(self, tmp_path, log, names):
+        lines = [f'{role} = "{name}"' for role, name in zip(("t", "u", "x1", "x2"), names, strict=True)]
+        table = named(log, *names)
+        table[names[0]] = (1e3 if "ms" in names[0] else 1.0) * log["t"]
+        text = csv_text(table)
+        with pytest.raises(RecordingError) as caught:
+            read(tmp_path, text)
+        assert "; ".join(lines) in str(caught.value)
+        rig = "[columns]\n" + "\n".join(lines) + ('\n[units]\nu = "A"\n' if "(A)" in names[1] else "\n")
+        assert read(tmp_path, text, rig).n > 100
+
+    def test_units_after_in(self, tmp_path, log):
+        check(read(tmp_path, csv_text(named(log, "Time in s", "u in V", "x1 in cm", "x2 in mm"))), log, x1=10.0)
+
 
 class TestGapsInWhichTheCommandChanges:
     def test_the_longest_piece_is_read(self, tmp_path, log):
