@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 
     from flexdrive_gym.recording import FloatArray
 
-_TEXT = (".csv", ".txt", ".dat", ".tsv", ".log", ".asc")
+_TEXT = (".csv", ".txt", ".dat", ".tsv", ".log", ".asc", ".lvm")
 EXTENSIONS = (*_TEXT, *(f"{kind}.gz" for kind in _TEXT), ".mat", ".parquet")
-SPREADSHEETS = (".xlsx", ".xls", ".ods")
+NOT_READ = (".xlsx", ".xls", ".ods", ".tdms", ".npz", ".npy", ".h5", ".hdf5", ".mf4", ".mdf", ".xz", ".bz2")
 """May hold recordings but are not read: listed with that reason, where other kinds of files are not even listed."""
 
 LARGEST_NUMBER = 1e60
 
-__all__ = ["EXTENSIONS", "SPREADSHEETS", "Series", "Table", "extension", "read_table"]
+__all__ = ["EXTENSIONS", "NOT_READ", "Series", "Table", "extension", "read_table"]
 
 
 def extension(path: Path) -> str:
@@ -107,6 +107,8 @@ def _read_parquet(path: Path) -> Table:
         column = frame[label]
         if pd.api.types.is_datetime64_any_dtype(column.dtype):
             numbers = (column - pd.Timestamp(0, tz=column.dt.tz)).dt.total_seconds()
+        elif pd.api.types.is_timedelta64_dtype(column.dtype):
+            numbers = column.dt.total_seconds()
         else:
             numbers = pd.to_numeric(column, errors="coerce")
         values = np.asarray(numbers, dtype=np.float64)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from identification.recordings.errors import broken
-from identification.recordings.files import EXTENSIONS, SPREADSHEETS, extension
+from identification.recordings.files import EXTENSIONS, NOT_READ, extension
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -48,7 +48,8 @@ def _folder(folder: Path) -> list[Path]:
     # the description is no recording, and neither are hidden files
     every = sorted(path for path in folder.rglob("*") if path.is_file())
     visible = [p for p in every if not any(part.startswith(".") for part in p.relative_to(folder).parts)]
-    files = [path for path in visible if extension(path) in (*EXTENSIONS, *SPREADSHEETS)]
+    # what a spreadsheet holds open beside itself is none
+    files = [p for p in visible if extension(p) in (*EXTENSIONS, *NOT_READ) and not p.name.startswith("~$")]
     if not files:
         other = ", ".join(path.name for path in visible[:5]) or "nothing"
         raise broken(

@@ -37,6 +37,12 @@ BLOCK = 200  # samples over which rounded stamps keep to a line
 DRIFT = 5.0  # decimals by which a clock may drift in a run
 COARSEST = 4.0  # sampling periods that a rounded stamp may be coarse
 LATEST = 1e12  # s
+ROUNDS = (
+    86400.0,
+    2.0**32 * 1e-6,
+    2.0**32 * 1e-3,
+)  # s after which clocks begin again: of a day, of µs and ms in 32 bits
+LATE = 10.0  # sampling periods that may be lost meanwhile
 
 
 def clean_stamps(
@@ -53,7 +59,10 @@ def clean_stamps(
             t, signals = t[which], {name: values[which] for name, values in signals.items()}
             notes.append(note)
 
-    for stage in (_stamped, _in_order, _of_one_clock):
+    take(_stamped)
+    t, round_ = _gone_round(t)
+    notes += round_
+    for stage in (_in_order, _of_one_clock):
         take(stage)
     straight = _straightened(t)
     if straight is not None:
@@ -79,6 +88,18 @@ def _stamped(t: FloatArray, source: str) -> tuple[Which, str] | None:
             "Export the log again with a time for every sample.",
         )
     return good, f"{bad} samples without a time stamp dropped"
+
+
+def _gone_round(t: FloatArray) -> tuple[FloatArray, list[str]]:
+    """Return the stamps of a clock that went round as they go on: a day's, or one that counts in 32 bits."""
+    step = np.diff(t)
+    Ts = float(np.median(step)) if step.size else 0.0
+    for period in ROUNDS:
+        again = (step < -SAME) & (step + period > SAME) & (step + period < LATE * Ts)
+        if again.any() and not np.any((step < -SAME) & ~again):
+            turns = np.concatenate([[0.0], np.cumsum(again)])
+            return t + period * turns, [f"the clock goes round after {period:.6g} s: read on from there"]
+    return t, []
 
 
 def _in_order(t: FloatArray, _source: str) -> tuple[Which, str] | None:

@@ -35,6 +35,7 @@ _DECIMAL_COMMA = re.compile(r"^[+-]?\d*,\d+([ed][+-]?\d+)?$", re.IGNORECASE)
 _BLANK = r"\s+"
 _COMMENT = ("#", "%", "//", "'")
 MOST_HEADER = 400  # lines above the data
+_MOST_REMARKS = 12  # lines below the data
 _MOST_ROWS = 5000  # lines that tell a decimal sign
 _LIKE, _MOST_LIKE = 20, 0.7  # lines below the first one, and how many of them must be data, too
 WIDEST = 4096  # columns
@@ -303,6 +304,11 @@ def _body(lines: list[str], dialect: _Dialect) -> str:
     first = next((name for name in dialect.header if name), "") if dialect.named else ""
     if first and any(first in line for line in body):
         body = [line for line in body if first not in line or _cut(line) is not None]
+    # remarks below the data
+    worded = _worded(body[0], dialect.separator)
+    data = (k for k, line in enumerate(reversed(body[-_MOST_REMARKS:])) if _cut(line) is not None)
+    end = next((k for k in data if worded or not _worded(body[-1 - k], dialect.separator)), 0)
+    body = body[: len(body) - end]
     if dialect.separator == _BLANK and any(line[:1].isspace() for line in body):
         body = [line.strip() for line in body]
     return "\n".join(body)
@@ -327,22 +333,23 @@ def _parse(body: str, dialect: _Dialect, source: str) -> pd.DataFrame:
                 decimal="," if dialect.comma else ".",
             )
     except (pd.errors.ParserError, pd.errors.ParserWarning, pd.errors.EmptyDataError, OverflowError) as error:
-        raise _uneven(source, count, str(error).strip() or surplus) from error
+        raise _uneven(source, dialect, str(error).strip() or surplus) from error
     if frame[count].notna().any():
-        raise _uneven(source, count, surplus)
+        raise _uneven(source, dialect, surplus)
     if frame.empty:
         raise broken(source, "file", "must hold samples below the header", "none", "Record the run again.")
     return frame.iloc[:, :count]
 
 
-def _uneven(source: str, count: int, got: str) -> RecordingError:
-    return broken(
-        source,
-        "file",
-        f"every line must have the {count} values of the header",
-        " ".join(got.split())[:120],
-        "Remove or complete the lines that differ.",
-    )
+def _uneven(source: str, dialect: _Dialect, got: str) -> RecordingError:
+    found = re.search(r"Expected \d+ fields in line (\d+), saw (\d+)", got)
+    if found is not None:
+        got = f"{found[2]} in line {dialect.first + int(found[1])}"
+    remedy = "Remove or complete the lines that differ."
+    if dialect.separator == ",":
+        remedy += " If commas are decimal signs, too, export with semicolons between the values."
+    rule = f"every line must have the {dialect.count} values of the header"
+    return broken(source, "file", rule, " ".join(got.split())[:120], remedy)
 
 
 def _thousands(cells: Iterable[str], mark: str) -> bool:

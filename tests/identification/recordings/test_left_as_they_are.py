@@ -51,6 +51,10 @@ class TestWhatStandsAboveTheData:
         rows = csv_text(log).splitlines()
         check(read(tmp_path, "\n".join([rows[0], *rows[1:]])), log)
 
+    @each("below", ["END\n", "\nMax,2,110\nEnd of recording\n"])
+    def test_remarks_below_the_data(self, tmp_path, log, below):
+        check(read(tmp_path, csv_text(log) + below), log)
+
     @each("separator", [",", "\t", " "])
     def test_row_numbers_without_a_name(self, tmp_path, log, separator):
         head, *rows = csv_text(log, separator).splitlines()
@@ -200,6 +204,17 @@ class TestGapsInWhichTheCommandChanges:
 
 
 class TestCountersThatBeginAgain:
+    @each("clock", [("t_s", 86400.0, 1.0), ("t_us", 2.0**32, 1e6), ("t_ms", 2.0**32, 1e3)])
+    def test_clocks_go_on(self, tmp_path, log, clock):
+        name, period, per_second = clock
+        table = named(log, name, "u", "x1", "x2")
+        table[name] = (period - 2.0 * per_second + per_second * log["t"]) % period
+        head, *rows = csv_text({k: v for k, v in table.items() if k != name}).splitlines()
+        stamps = (f"{t:.4f}" for t in table[name])
+        run = read(tmp_path, "\n".join([f"{name},{head}", *(f"{t},{r}" for t, r in zip(stamps, rows, strict=True))]))
+        check(run, log)
+        assert any("goes round" in note for note in run.notes)
+
     @each("period", [2.0 * np.pi, 360.0, 256.0, 65536.0])
     def test_they_go_on(self, period):
         way = 1.7 * period * np.sin(np.linspace(0.0, 3.0, 3001)) + 0.1 * period
