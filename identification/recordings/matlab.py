@@ -7,7 +7,8 @@ Layouts that are understood, several of them per file:
   empty, and the clock is the one of its length;
 * timeseries turned into structs: ``ts.Time``, ``ts.Data``, ``ts.Name``;
 * Simulink's *array*, ``[time value]``, by the name of its variable;
-* a matrix beside a list of as many names; without names its columns can be had by number, ``data:3``.
+* a matrix beside a list of as many names, and ``x = [x1 x2]``; without names columns can be had by number, ``data:3``;
+* ``Ts`` or ``fs`` where no vector tells the time.
 
 Whatever else a workspace holds, such as a model's matrices, is passed over.
 """
@@ -24,12 +25,15 @@ from identification.recordings.matlab_tree import load_tree
 from identification.recordings.table import Series, Table
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from flexdrive_gym.recording import FloatArray
 
 _LABEL_VARIABLES = ("labels", "label", "names", "columns", "header", "headers", "colnames")
+# scalars of a workspace that tell the sampling period [s], or the rate [Hz], within these bounds
+_PERIODS, _RATES = ("ts", "dt", "sampletime", "sample_time"), ("fs", "samplerate", "sample_rate")
+SHORTEST_PERIOD, LONGEST_PERIOD = 1e-5, 0.5
 MOST_COLUMNS = 64  # of a matrix whose columns may be signals
 FEWEST_ROWS = 20  # of such a matrix
 
@@ -54,6 +58,9 @@ def read_matlab(path: Path) -> Table:
     """
     tree, remarks, recorded = load_tree(path)
     series = tuple(_walk(tree, "", ""))
+    counted = _counted(tree, series)
+    notes = () if counted is None else (counted[1],)
+    series += () if counted is None else (counted[0],)
     unnamed = dict.fromkeys(item.places[0].rpartition(":")[0] for item in series if not item.named)
     if unnamed:
         name = next(iter(unnamed))
@@ -69,7 +76,7 @@ def read_matlab(path: Path) -> Table:
             f"variables {', '.join(list(tree)[:12]) or 'none'}" + "".join(f"; {hint}" for hint in remarks),
             "Save the run as vectors, for example save('run.mat', 't', 'u', 'v1', 'v2').",
         )
-    return Table(series, remarks=remarks, recorded=recorded)
+    return Table(series, notes=notes, remarks=remarks, recorded=recorded)
 
 
 def _walk(tree: dict[str, Any], name: str, group: str) -> Iterator[Series]:
@@ -114,10 +121,33 @@ def _array(value: Any, key: str, place: str, group: str, siblings: dict[str, Any
         yield Series(key, columns[1], clock=columns[0], group=group, places=(f"{place}:2",))
         yield Series(f"{key}:1", columns[0], group=group, places=(f"{place}:1",), named=False)
         return
+    both = _of_both_carts(key) if names is None and len(columns) == 2 else None
     for k, column in enumerate(columns):
         spelt = (f"{place}:{k + 1}", f"{place}({k + 1})", f"{place}(:,{k + 1})")
-        label = names[k] if names is not None else f"{key}:{k + 1}"
-        yield Series(label, column, group=group, places=spelt, named=names is not None)
+        label = (names or both or [f"{key}:{n + 1}" for n in range(len(columns))])[k]
+        yield Series(label, column, group=group, places=spelt, named=names is not None or both is not None)
+
+
+def _of_both_carts(key: str) -> list[str] | None:
+    """Return the names of two columns if the variable is one of positions or velocities that says no cart."""
+    names = [f"{key}({cart})" for cart in (1, 2)]
+    signals = [column.signal for column in map(read_label, names) if column is not None]
+    return names if signals in (["x1", "x2"], ["v1", "v2"]) and not any(c.isdigit() for c in key) else None
+
+
+def _counted(tree: dict[str, Any], series: Sequence[Series]) -> tuple[Series, str] | None:
+    """Return the time that a sampling period in the workspace counts, and a note, where nothing else tells time."""
+    known = [column for item in series if item.named and (column := read_label(item.label)) is not None]
+    commands = [item for item in series if item.named and (c := read_label(item.label)) is not None and c.signal == "u"]
+    if not commands or any(item.clock is not None for item in series) or any(c.signal == "t" for c in known):
+        return None
+    for key, value in tree.items():
+        number = float(value) if isinstance(value, int | float | np.number) else 0.0
+        period = number if key.lower() in _PERIODS else 1.0 / number if key.lower() in _RATES and number > 0.0 else 0.0
+        if SHORTEST_PERIOD <= period <= LONGEST_PERIOD:
+            t = np.arange(commands[0].values.size, dtype=np.float64) * period
+            return Series("t", t, places=("t",)), f"time is counted: {key} = {number:g}"
+    return None
 
 
 def _rises(values: FloatArray) -> bool:

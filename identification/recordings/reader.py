@@ -24,6 +24,7 @@ from identification.recordings.recording_set import RecordingSet, Skipped, reaso
 from identification.recordings.rig import Rig, load_rig
 from identification.recordings.roles import find_roles
 from identification.recordings.scale import choose_units
+from identification.recordings.stamps import experiments
 from identification.recordings.timing import make_uniform
 from identification.recordings.wraps import unwrapped
 
@@ -97,8 +98,8 @@ def read_recordings(
     parsed: list[Parsed] = []
     errors: list[RecordingError] = []
     for file, found in zip(files, _parse_all(files), strict=True):
-        if isinstance(found, Parsed):
-            parsed.append(found)
+        if not isinstance(found, RecordingError):
+            parsed += found
             continue
         error = _from_the_folder_down(file, found)
         if strict and not isinstance(error, NotARecordingError):
@@ -121,7 +122,8 @@ def read_recordings(
     recordings = list(sound.values())
     if not recordings:
         raise _nothing(paths, files, skipped, errors)
-    listed = [skipped[file.name] for file in files if file.name in skipped]
+    order = {file.source: k for k, file in enumerate(files)}
+    listed = sorted(skipped.values(), key=lambda item: order[item.file])
     return RecordingSet(find_faults(_share_quantum(recordings)), listed, described)
 
 
@@ -178,20 +180,20 @@ def _shown(paths: str | Path | Sequence[str | Path]) -> str:
     return str(paths) if isinstance(paths, str | Path) else ", ".join(map(str, paths))
 
 
-def _parse_all(files: list[_File]) -> list[Parsed | RecordingError]:
+def _parse_all(files: list[_File]) -> list[list[Parsed] | RecordingError]:
     """Understand each file by itself, in the order of the files."""
     return [_attempt(file) for file in files]
 
 
-def _attempt(file: _File) -> Parsed | RecordingError:
+def _attempt(file: _File) -> list[Parsed] | RecordingError:
     try:
         return _parse(file)
     except RecordingError as error:
         return error
 
 
-def _parse(file: _File) -> Parsed:
-    """Read one file and put its signals on a uniform time base, in the rig's units."""
+def _parse(file: _File) -> list[Parsed]:
+    """Read one file and put its signals on a uniform time base, in the rig's units; one item for every experiment in it."""
     source, rig = file.path.name, file.rig
     if file.rule is not None and not file.rule.use:
         raise NotARecordingError(f"{source}: left out by rig.toml")
@@ -199,25 +201,31 @@ def _parse(file: _File) -> Parsed:
     roles = find_roles(table, rig, source)
     signals, turned = _without_wraps(dict(roles.signals), roles.factors)
     t, recorded, dated = seconds_of_stamps(signals.pop("t"), roles.unit)
-    # the grid of the counts is looked for before resampling and interpolation leave it
-    steps: dict[str, float] = {name: _step(signals[name], roles.factors[name]) for name in CHANNELS if name in signals}
-    uniform = make_uniform(t, signals, source, rig.sample_time)
-    Ts = float(np.median(np.diff(uniform.t)))
-    cutoff = _cutoff(signals, steps, Ts, roles.filtered)
-    notes = (*table.notes, *roles.notes, *turned, *dated, *_filter_notes(roles.filtered, cutoff))
-    rule = file.rule
-    return Parsed(
-        file.name,
-        file.source,
-        uniform,
-        signals,
-        steps,
-        cutoff,
-        notes,
-        table.recorded or recorded,
-        "" if rule is None else rule.session,
-        () if rule is None or rule.held is None else rule.held,
-    )
+    pieces = experiments(t) if rig.sample_time is None else [slice(0, t.size)]
+    found = []
+    for k, piece in enumerate(pieces, 1):
+        own = {name: values[piece] for name, values in signals.items()}
+        # the grid of the counts is looked for before resampling and interpolation leave it
+        steps: dict[str, float] = {name: _step(own[name], roles.factors[name]) for name in CHANNELS if name in own}
+        uniform = make_uniform(t[piece], own, source, rig.sample_time)
+        cutoff = _cutoff(own, steps, float(np.median(np.diff(uniform.t))), roles.filtered)
+        part = (f"experiment {k} of {len(pieces)} in {file.source}",) if len(pieces) > 1 else ()
+        notes = (*part, *table.notes, *roles.notes, *turned, *dated, *_filter_notes(roles.filtered, cutoff))
+        found.append(
+            Parsed(
+                f"{file.name}_{k}" if part else file.name,
+                file.source,
+                uniform,
+                own,
+                steps,
+                cutoff,
+                notes,
+                table.recorded or recorded,
+                "" if file.rule is None else file.rule.session,
+                () if file.rule is None or file.rule.held is None else file.rule.held,
+            )
+        )
+    return found
 
 
 def _without_wraps(

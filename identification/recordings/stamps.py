@@ -6,6 +6,7 @@ left out, or refuses what no longer is a time base.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -42,6 +43,7 @@ ROUNDS = (
     2.0**32 * 1e-6,
     2.0**32 * 1e-3,
 )  # s after which clocks begin again: of a day, of µs and ms in 32 bits
+SHORTEST_EXPERIMENT = 1.0  # s
 LATE = 10.0  # sampling periods that may be lost meanwhile
 
 
@@ -71,6 +73,22 @@ def clean_stamps(
     for stage in (_unrepeated, _without_long_gaps):
         take(stage)
     return t, signals, notes
+
+
+def experiments(t: FloatArray) -> list[slice]:
+    """Return the experiments that follow each other in one log: where its clock starts again, or long gaps lie between them.
+
+    A log is one experiment if any of its pieces is too short to be one, for then it has lost samples.
+    """
+    good = np.isfinite(t)
+    if not good.all() or t.size < 2 * FEWEST or _disordered(t) is not None:
+        return [slice(0, t.size)]
+    step = np.diff(_gone_round(t)[0])
+    Ts = float(np.median(step))
+    edges = np.r_[0, np.flatnonzero((step < -SAME) | (step > max(LONGEST_GAPS, LATE * Ts))) + 1, t.size]
+    pieces = [slice(int(a), int(b)) for a, b in pairwise(edges)]
+    whole = all(p.stop - p.start >= FEWEST and (p.stop - p.start) * Ts >= SHORTEST_EXPERIMENT for p in pieces)
+    return pieces if whole and len(pieces) <= MOST_PIECES else [slice(0, t.size)]
 
 
 def _stamped(t: FloatArray, source: str) -> tuple[Which, str] | None:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy.io
 
 from identification.recordings import RecordingError, read_recordings
 from identification.recordings.rig import parse_rig
@@ -201,6 +202,48 @@ class TestGapsInWhichTheCommandChanges:
         kept[1000:1006] = False
         run = read(tmp_path, csv_text({name: values[kept] for name, values in sine.items()}))
         assert run.u == pytest.approx(sine["u"], abs=1e-3)
+
+
+class TestSeveralExperimentsInOneFile:
+    @each("begin", [lambda end: 0.0, lambda end: end + 3.0])
+    def test_each_is_a_recording(self, tmp_path, log, begin):
+        other = {name: -values for name, values in log.items()}
+        again = {**other, "t": begin(log["t"][-1]) + log["t"]}
+        (tmp_path / "day.csv").write_text(csv_text(log) + "".join(csv_text(again).splitlines(keepends=True)[1:]))
+        first, second = read_recordings(tmp_path)
+        assert [first.name, second.name] == ["day_1", "day_2"]
+        assert "experiment 2 of 2 in day.csv" in second.notes
+        check(first, log)
+        assert second.x1 == pytest.approx(other["x1"], abs=1e-4)
+
+    def test_a_log_that_lost_samples_is_one(self, tmp_path, log):
+        kept = (log["t"] < 0.3) | (log["t"] > 0.9)
+        (tmp_path / "run.csv").write_text(csv_text({name: values[kept] for name, values in log.items()}))
+        assert len(read_recordings(tmp_path)) == 1
+
+
+class TestWorkspaces:
+    @each("name", ["x", "pos", "Position"])
+    def test_both_carts_in_one_variable(self, tmp_path, log, name):
+        both = np.column_stack([log["x1"], log["x2"]])
+        scipy.io.savemat(tmp_path / "run.mat", {"t": log["t"], "u": log["u"], name: both})
+        check(read_recordings(tmp_path)[0], log)
+
+    @each("scalar", [("Ts", 1e-3), ("fs", 1000.0)])
+    def test_a_sampling_period_tells_the_time(self, tmp_path, log, scalar):
+        name, value = scalar
+        scipy.io.savemat(tmp_path / "run.mat", {name: value, "u": log["u"], "x1": log["x1"], "x2": log["x2"]})
+        (run,) = read_recordings(tmp_path)
+        check(run, log)
+        assert run.sample_time == pytest.approx(1e-3)
+        assert f"time is counted: {name} = {value:g}" in run.notes
+
+    def test_a_matrix_with_its_own_clock_stays_one_signal(self, tmp_path, log):
+        own = np.column_stack([log["t"], log["x1"]])
+        scipy.io.savemat(tmp_path / "run.mat", {"t": log["t"], "u": log["u"], "x": own})
+        (run,) = read_recordings(tmp_path)
+        assert run.x2 is None
+        assert run.x1 == pytest.approx(log["x1"], abs=1e-4)
 
 
 class TestCountersThatBeginAgain:
