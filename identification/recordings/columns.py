@@ -278,14 +278,15 @@ def no_volts(column: Column) -> bool:
 def with_unit(label: str, signal: Signal) -> Column:
     """Return a column whose role a description tells, with the unit that the end of its name says.
 
-    Brackets hold a unit whatever they hold. After a separator stands one only if it is known and has two letters or more: the
-    m of ``phi_m`` is a motor.
+    What brackets hold is one if it is known; after a separator it must have two letters or more, too: the m of ``phi_m`` is a
+    motor.
     """
     found = read_label(label)
     if found is not None and found.signal == signal:
         return found
+    known = {*(unit for group in _UNITS.values() for unit in group), *_FOREIGN}
     bracket = _BRACKETS.match(label)
-    if bracket is not None and not bracket["unit"].strip().isdigit():
+    if bracket is not None and _plain(bracket["unit"]) in known:
         return Column(label, signal, unit=bracket["unit"].strip())
     known = {*_UNITS[DIMENSION[signal]], *_FOREIGN}
     tails = (label[cut.end() :] for cut in _SEPARATOR.finditer(label))

@@ -28,8 +28,8 @@ _EARLIEST, _LATEST = 1980, 2100
 _EPOCH = datetime(1970, 1, 1)  # noqa: DTZ001  (a rig's own clock, whose zone nobody wrote down)
 _DAY = 86400.0
 _MONTHS_A_YEAR = 12
-# sampling periods of a drive's log [s], and the span from which on stamps without a unit are in a smaller one than seconds
-_SHORTEST_STEP, _LONGEST_STEP, _LONGEST_RUN = 5e-4, 5e-2, 200.0
+# sampling periods of a drive's log, and its least length [s]: what they are in tells the unit of stamps that say none
+_SHORTEST_STEP, _LONGEST_STEP, _LEAST_SPAN = 5e-4, 5e-2, 0.2
 
 
 def date_of_header(header: bytes) -> datetime | None:
@@ -120,7 +120,7 @@ def seconds_of_stamps(t: FloatArray, unit: str) -> tuple[FloatArray, datetime | 
             return (t - first) * scale, _since(first, scale), (f"time stamps are {name} since 1970",)
     span = float(good[-1]) - first
     for scale, name in ((1e-3, "milliseconds"), (1e-6, "microseconds"), (1e-9, "nanoseconds")):
-        if not unit and _SHORTEST_STEP <= step * scale <= _LONGEST_STEP and span * scale >= 1e-3 * _LONGEST_RUN:
+        if not unit and _SHORTEST_STEP <= step * scale <= _LONGEST_STEP and span * scale >= _LEAST_SPAN:
             notes = [f"warning: the time column has no unit; its stamps are read as {name}"]
             if step == 1.0:
                 notes.append("stamps that number the samples need the period in rig.toml: [rig] sample_time = 0.002")

@@ -206,8 +206,9 @@ def _counted_from_zero(table: Table) -> dict[str, str]:
             continue
         first, second = read_label(one), read_label(two)
         pair = (first.signal if first else "", second.signal if second else "")
+        finite = series.values[np.isfinite(series.values)]
         # what does not change is where a cart began
-        if pair in {("x1", "x2"), ("v1", "v2")} and np.nanmax(series.values) > np.nanmin(series.values):
+        if pair in {("x1", "x2"), ("v1", "v2")} and finite.size and np.ptp(finite) > 0.0:
             found |= {label: one, one: two}
     return found
 

@@ -38,11 +38,8 @@ BLOCK = 200  # samples over which rounded stamps keep to a line
 DRIFT = 5.0  # decimals by which a clock may drift in a run
 COARSEST = 4.0  # sampling periods that a rounded stamp may be coarse
 LATEST = 1e12  # s
-ROUNDS = (
-    86400.0,
-    2.0**32 * 1e-6,
-    2.0**32 * 1e-3,
-)  # s after which clocks begin again: of a day, of µs and ms in 32 bits
+# s after which clocks begin again: of a day, of µs and of ms in 32 bits
+ROUNDS = (86400.0, 2.0**32 * 1e-6, 2.0**32 * 1e-3)
 SHORTEST_EXPERIMENT = 1.0  # s
 LATE = 10.0  # sampling periods that may be lost meanwhile
 

@@ -257,9 +257,13 @@ def _numbered(lines: list[str], separator: str) -> bool:
     rows = [_cells(line, separator)[:2] for line in lines[:_LIKE] if line.strip()]
     if len(rows) < 3 or not all(len(row) == 2 and row[0].isdigit() and _NUMBER.match(row[1]) for row in rows):
         return False
-    number, time = [int(row[0]) for row in rows], [float(row[1].replace(",", ".").replace("d", "e")) for row in rows]
+    number, time = [int(row[0]) for row in rows], [float(_point_and_e(row[1])) for row in rows]
     pairs = range(1, len(rows))
     return all(number[i] == number[i - 1] + 1 for i in pairs) and all(time[i] > time[i - 1] for i in pairs)
+
+
+def _point_and_e(number: str) -> str:
+    return re.sub("[dD]", "e", number.replace(",", "."))
 
 
 def _with_unit(name: str, unit: str) -> str:

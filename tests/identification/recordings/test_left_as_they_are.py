@@ -94,6 +94,10 @@ class TestUnits:
         table = named(log, "t", "u", "phi_m", "phi_l")
         check(read(tmp_path, csv_text(table), '[columns]\nx1 = "phi_m"\nx2 = "phi_l"\n'), log)
 
+    def test_remarks_in_brackets_are_no_units(self, tmp_path, log):
+        table = named(log, "t", "u", "Encoder A (left)", "Encoder B (right)")
+        check(read(tmp_path, csv_text(table), '[columns]\nx1 = "Encoder A (left)"\nx2 = "Encoder B (right)"\n'), log)
+
     def test_an_angle_is_no_length(self, tmp_path, log):
         table = named(log, "t", "u", "theta1 [deg]", "x2")
         with pytest.raises(RecordingError, match=r'got deg\..*unit = "deg"'):
