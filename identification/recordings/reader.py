@@ -97,9 +97,12 @@ def read_recordings(
     skipped: dict[str, Skipped] = {}
     parsed: list[Parsed] = []
     errors: list[RecordingError] = []
+    names = {file.name for file in files}
     for file, found in zip(files, _parse_all(files), strict=True):
         if not isinstance(found, RecordingError):
-            parsed += found
+            parsed += [
+                replace(p, name=f"{p.name}_of_{len(found)}") if len(found) > 1 and p.name in names else p for p in found
+            ]
             continue
         error = _from_the_folder_down(file, found)
         if strict and not isinstance(error, NotARecordingError):

@@ -220,6 +220,13 @@ class TestSeveralExperimentsInOneFile:
         check(first, log)
         assert second.x1 == pytest.approx(other["x1"], abs=1e-4)
 
+    def test_none_takes_the_name_of_another_file(self, tmp_path, log):
+        other = {**log, "x1": 0.5 * log["x1"], "x2": 0.5 * log["x2"]}
+        (tmp_path / "day_1.csv").write_text(csv_text(other))
+        again = {name: -values for name, values in log.items()} | {"t": log["t"]}
+        (tmp_path / "day.csv").write_text(csv_text(log) + "".join(csv_text(again).splitlines(keepends=True)[1:]))
+        assert sorted(r.name for r in read_recordings(tmp_path)) == ["day_1", "day_1_of_2", "day_2"]
+
     def test_a_log_that_lost_samples_is_one(self, tmp_path, log):
         kept = (log["t"] < 0.3) | (log["t"] > 0.9)
         (tmp_path / "run.csv").write_text(csv_text({name: values[kept] for name, values in log.items()}))
