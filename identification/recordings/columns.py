@@ -100,21 +100,24 @@ _UNITS: dict[Dimension, dict[str, float]] = {
     "velocity": {name + per: factor for factor, names in _METRES.items() for name in names for per in _PER_SECOND},
 }
 
-# units that other rigs measure in, and how many of the first of a group one of each is
-_KINDRED: tuple[dict[str, float], ...] = (
-    ANGLES,
-    {"rads": 1.0, "radsec": 1.0, "radps": 1.0, "rads1": 1.0, "mrads": 1e-3}
-    | dict.fromkeys(("degs", "degsec", "degps", "dps"), pi / 180.0)
-    | {"rpm": pi / 30.0, "revmin": pi / 30.0, "revs1": 2.0 * pi},
-    dict.fromkeys(("nm", "newtonmetre", "newtonmeter", "newtonmetres"), 1.0) | {"mnm": 1e-3, "ncm": 1e-2},
-    dict.fromkeys(("a", "amp", "amps", "ampere", "amperes"), 1.0) | {"ma": 1e-3},
-    dict.fromkeys(("n", "newton", "newtons"), 1.0),
-    dict.fromkeys(("count", "counts", "cts", "ticks", "tick", "pulses", "pulse", "lsb", "increments"), 1.0),
-    dict.fromkeys(("countss", "ctss", "tickss", "pulsess"), 1.0),
-    dict.fromkeys(("dac", "dacunits", "bits", "bit"), 1.0),
-    dict.fromkeys(("percent", "pct", "pwm"), 1.0),
+# units that other rigs measure in, by what they stand for, and how many of the first of a group one of each is
+_KINDRED: tuple[tuple[Dimension, dict[str, float]], ...] = (
+    ("length", ANGLES),
+    (
+        "velocity",
+        {"rads": 1.0, "radsec": 1.0, "radps": 1.0, "rads1": 1.0, "mrads": 1e-3}
+        | dict.fromkeys(("degs", "degsec", "degps", "dps"), pi / 180.0)
+        | {"rpm": pi / 30.0, "revmin": pi / 30.0, "revs1": 2.0 * pi},
+    ),
+    ("voltage", dict.fromkeys(("nm", "newtonmetre", "newtonmeter", "newtonmetres"), 1.0) | {"mnm": 1e-3, "ncm": 1e-2}),
+    ("voltage", dict.fromkeys(("a", "amp", "amps", "ampere", "amperes"), 1.0) | {"ma": 1e-3}),
+    ("voltage", dict.fromkeys(("n", "newton", "newtons"), 1.0)),
+    ("length", dict.fromkeys(("count", "counts", "cts", "ticks", "tick", "pulses", "pulse", "lsb", "increments"), 1.0)),
+    ("velocity", dict.fromkeys(("countss", "ctss", "tickss", "pulsess"), 1.0)),
+    ("voltage", dict.fromkeys(("dac", "dacunits", "bits", "bit"), 1.0)),
+    ("voltage", dict.fromkeys(("percent", "pct", "pwm"), 1.0)),
 )
-_FOREIGN = {name for group in _KINDRED for name in group}
+_FOREIGN = {name for _, group in _KINDRED for name in group}
 
 _SAID: dict[Origin, str] = {
     "measured": "exp expt experiment experimental meas measured measurement raw actual act real logged recorded rec "
@@ -284,9 +287,8 @@ def with_unit(label: str, signal: Signal) -> Column:
     found = read_label(label)
     if found is not None and found.signal == signal:
         return found
-    known = {*(unit for group in _UNITS.values() for unit in group), *_FOREIGN}
     bracket = _BRACKETS.match(label)
-    if bracket is not None and _plain(bracket["unit"]) in known:
+    if bracket is not None and kind_of(label) is not None:
         return Column(label, signal, unit=bracket["unit"].strip())
     known = {*_UNITS[DIMENSION[signal]], *_FOREIGN}
     tails = (label[cut.end() :] for cut in _SEPARATOR.finditer(label))
@@ -294,18 +296,10 @@ def with_unit(label: str, signal: Signal) -> Column:
 
 
 def kind_of(label: str) -> Dimension | None:
-    """Return what the unit at the end of an unknown name measures: of commands all that motors are given."""
-    bracket = _BRACKETS.match(label)
-    tail = bracket["unit"] if bracket is not None else [*_SEPARATOR.split(label), ""][1:][-2:][0]
-    unit = _plain(tail)
-    angles, rates, torques, currents, forces, counts, _, converters, duties = _KINDRED
-    kinds: tuple[tuple[Dimension, tuple[dict[str, float], ...]], ...] = (
-        ("time", (_UNITS["time"],)),
-        ("voltage", (_UNITS["voltage"], torques, currents, forces, converters, duties)),
-        ("length", (_UNITS["length"], angles, counts)),
-        ("velocity", (_UNITS["velocity"], rates)),
-    )
-    return next((kind for kind, groups in kinds if any(unit in group for group in groups)), None)
+    """Return what the unit at the end of an unknown name measures; whatever motors are given is a command."""
+    bracket, parts = _BRACKETS.match(label), _SEPARATOR.split(label)
+    unit = _plain(bracket["unit"] if bracket is not None else parts[-1] if len(parts) > 1 else "")
+    return next((kind for kind, group in (*_UNITS.items(), *_KINDRED) if unit in group), None)
 
 
 def conversion(column: Column, wanted: str) -> float | None:
@@ -323,7 +317,7 @@ def conversion(column: Column, wanted: str) -> float | None:
     own, other = _plain(column.unit), _plain(wanted)
     if own == other:
         return 1.0
-    groups = (_UNITS[DIMENSION[column.signal]], *_KINDRED)
+    groups = (_UNITS[DIMENSION[column.signal]], *(group for _, group in _KINDRED))
     return next((group[own] / group[other] for group in groups if own in group and other in group), None)
 
 

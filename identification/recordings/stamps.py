@@ -82,10 +82,9 @@ def experiments(t: FloatArray) -> list[slice]:
         return [slice(0, t.size)]
     step = np.diff(_gone_round(t)[0])
     Ts = float(np.median(step))
-    edges = np.r_[0, np.flatnonzero((step < -SAME) | (step > max(LONGEST_GAPS, LATE * Ts))) + 1, t.size]
-    pieces = [slice(int(a), int(b)) for a, b in pairwise(edges)]
-    whole = all(p.stop - p.start >= FEWEST and (p.stop - p.start) * Ts >= SHORTEST_EXPERIMENT for p in pieces)
-    return pieces if whole and len(pieces) <= MOST_PIECES else [slice(0, t.size)]
+    found = pieces((step < -SAME) | (step > max(LONGEST_GAPS, LATE * Ts)))
+    whole = all(p.stop - p.start >= FEWEST and (p.stop - p.start) * Ts >= SHORTEST_EXPERIMENT for p in found)
+    return found if whole and len(found) <= MOST_PIECES else [slice(0, t.size)]
 
 
 def _stamped(t: FloatArray, source: str) -> tuple[Which, str] | None:
@@ -127,21 +126,20 @@ def _in_order(t: FloatArray, _source: str) -> tuple[Which, str] | None:
 
 def _of_one_clock(t: FloatArray, source: str) -> tuple[Which, str] | None:
     """Return the longest piece in which time increases, and a note, where a clock starts again."""
-    piece = _longest(t, np.diff(t) < -SAME)
-    if piece is None:
+    found = pieces(np.diff(t) < -SAME)
+    if len(found) == 1:
         return None
-    first, last, count = piece
-    if count > MOST_PIECES:
+    if len(found) > MOST_PIECES:
         k = int(np.argmax(np.diff(t) < -SAME))
         raise broken(
             source,
             "time",
             "must increase",
-            f"{t[k + 1]:.6g} s after {t[k]:.6g} s at sample {k + 2}, {count - 1} steps backwards in all",
+            f"{t[k + 1]:.6g} s after {t[k]:.6g} s at sample {k + 2}, {len(found) - 1} steps backwards in all",
             "Sort the samples by time, or name the column that holds it.",
         )
-    note = f"the clock starts again: of {count} pieces the longest is read, samples {first + 1} to {last}"
-    return slice(first, last), note
+    best, note = longest(found)
+    return best, f"the clock starts again: {note}"
 
 
 def _unrepeated(t: FloatArray, source: str) -> tuple[Which, str] | None:
@@ -165,14 +163,11 @@ def _without_long_gaps(t: FloatArray, _source: str) -> tuple[Which, str] | None:
     Ts = float(np.median(step)) if t.size > 1 else 0.0
     if np.sum(step[step > GAP * Ts] - Ts) <= LONGEST_GAPS:
         return None
-    piece = _longest(t, step > max(GAP * Ts, LONG_GAP))
-    if piece is None or piece[2] > MOST_PIECES:
+    found = pieces(step > max(GAP * Ts, LONG_GAP))
+    if not 1 < len(found) <= MOST_PIECES:
         return None
-    first, last, count = piece
-    return slice(first, last), (
-        f"gaps of {float(np.sum(step[step > LONG_GAP])):.3g} s in time: of {count} pieces the longest is read, "
-        f"samples {first + 1} to {last}"
-    )
+    best, note = longest(found)
+    return best, f"gaps of {float(np.sum(step[step > LONG_GAP])):.3g} s in time: {note}"
 
 
 def _disordered(t: FloatArray) -> npt.NDArray[np.intp] | None:
@@ -186,13 +181,16 @@ def _disordered(t: FloatArray) -> npt.NDArray[np.intp] | None:
     return back if late else None
 
 
-def _longest(t: FloatArray, broken_after: BoolArray) -> tuple[int, int, int] | None:
-    """Return the first sample of the longest piece, the one behind it, and the number of pieces; ``None`` for one piece."""
-    if not broken_after.any():
-        return None
-    edges = np.r_[0, np.flatnonzero(broken_after) + 1, t.size]
-    best = int(np.argmax(np.diff(edges)))
-    return int(edges[best]), int(edges[best + 1]), edges.size - 1
+def pieces(broken_after: BoolArray) -> list[slice]:
+    """Return the pieces of samples that some steps between neighbours, shape (n - 1,), part."""
+    edges = np.r_[0, np.flatnonzero(broken_after) + 1, broken_after.size + 1]
+    return [slice(int(a), int(b)) for a, b in pairwise(edges)]
+
+
+def longest(found: list[slice]) -> tuple[slice, str]:
+    """Return the longest piece, the first of several, and a note that says which it is."""
+    best = max(found, key=lambda p: p.stop - p.start)
+    return best, f"of {len(found)} pieces the longest is read, samples {best.start + 1} to {best.stop}"
 
 
 def _straightened(t: FloatArray) -> tuple[FloatArray, str] | None:

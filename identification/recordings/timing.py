@@ -14,7 +14,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from identification.recordings.errors import broken
-from identification.recordings.stamps import FEWEST, GAP, JITTER, LONGEST_GAPS, MOST_MISSING, clean_stamps
+from identification.recordings.stamps import (
+    FEWEST,
+    GAP,
+    JITTER,
+    LONGEST_GAPS,
+    MOST_MISSING,
+    clean_stamps,
+    longest,
+    pieces,
+)
 
 if TYPE_CHECKING:
     from flexdrive_gym.recording import BoolArray, FloatArray
@@ -24,7 +33,7 @@ SLOWEST = 0.5  # s per sample: no log of this drive is so slow; stamps in ms lab
 UNEVEN = 1e-3  # of the sampling period, below which stamps are left as they are
 MOST_INVENTED = 1.5  # samples on the grid for one in the file
 LOST = 2.5  # sampling periods between neighbours, from which on more than one sample is missing
-UNKNOWN = 0.02  # of what a command does otherwise, that it may have done in a gap
+UNKNOWN = 0.02  # of the impulse that a command makes otherwise, that it may have made in a gap
 STRETCH = 0.01  # by which a given sampling period may differ from the stamps
 
 
@@ -257,13 +266,10 @@ def _without_unknown_commands(
     step, u = np.diff(t), _held(t[good], signals["u"][good], t)
     done = np.cumsum(u - np.mean(u)) * Ts
     unknown = (step > LOST * Ts) & (np.abs(np.diff(u)) * (step - Ts) > UNKNOWN * float(np.ptp(done)))
-    edges = np.r_[0, np.flatnonzero(unknown) + 1, t.size]
-    if edges.size == 2:
+    found = pieces(unknown)
+    if len(found) == 1:
         return t, signals, []
-    best = int(np.argmax(np.diff(edges)))
-    first, last = int(edges[best]), int(edges[best + 1])
-    note = (
-        f"the command changes in gaps of time, the first {step[edges[1] - 1]:.3g} s at {t[edges[1] - 1]:.4g} s: of "
-        f"{edges.size - 1} pieces the longest is read, samples {first + 1} to {last}"
-    )
-    return t[first:last], {name: values[first:last] for name, values in signals.items()}, [note]
+    best, told = longest(found)
+    where = int(np.argmax(unknown))
+    note = f"the command changes in gaps of time, the first {step[where]:.3g} s at {t[where]:.4g} s: {told}"
+    return t[best], {name: values[best] for name, values in signals.items()}, [note]

@@ -79,6 +79,14 @@ class TestWhatStandsAboveTheData:
         assert run.x1 == pytest.approx(log["x1"], abs=1e-3)
         assert run.u == pytest.approx(log["u"], abs=1e-4)
 
+    def test_commas_of_remarks_are_no_decimal_signs(self, tmp_path, log):
+        rows = (
+            f"{t:.7g}\t{u:.7g}\t{x:.3f}\tat {place}, by hand"
+            for t, u, x, place in zip(log["t"], log["u"], log["x1"], "ab" * len(log["t"]), strict=False)
+        )
+        run = read(tmp_path, "\n".join(["t\tu\tx1\tremark", *rows]))
+        assert run.x1 == pytest.approx(log["x1"], abs=1e-3)
+
 
 class TestUnits:
     RIG = '[columns]\nt = "Zeit [ms]"\nu = "Spannung [V]"\nx1 = "Weg1 [cm]"\nx2 = "Weg2_m"\n'
