@@ -81,23 +81,32 @@ def find_roles(table: Table, rig: Rig, source: str) -> Roles:
 def _named(file: File) -> set[int]:
     """Resolve the names of the description; return the series they take."""
     taken: set[int] = set()
-    resolved: dict[str, Series] = {}
+    resolved: dict[str, tuple[Series, Column]] = {}
     for role, names in file.rig.columns.items():
         for name in names:
             parts = resolve(file.table, name)
             if parts is not None:
-                resolved[role] = combined(parts, name)
+                resolved[role] = combined(parts, name), _column_of(file, role, name, [series for _, series in parts])
                 taken |= {id(series) for _, series in parts}
                 break
         else:
             file.absent[role] = names
-    for role, series in resolved.items():
-        # a sum has no unit in its name, and a column without a name none at all
-        own = with_unit(series.label if series.named else "", cast("Signal", SIGNAL[role]))
+    for role, (series, own) in resolved.items():
         file.candidates[SIGNAL[role]] = [Candidate(series, _own_factor(file, role, own, series.label))]
     for role, names in file.absent.items():
         _check_absent(file, role, names, taken)
     return taken
+
+
+def _column_of(file: File, role: str, name: str, parts: Sequence[Series]) -> Column:
+    """Return what the names of the columns that make a role say of it; those of a sum must be in one unit."""
+    signal = cast("Signal", SIGNAL[role])
+    columns = [with_unit(series.label if series.named else "", signal) for series in parts]
+    units = list(dict.fromkeys(column.unit for column in columns))
+    if len(units) > 1:
+        remedy = "Convert one of the columns and rename it."
+        raise file.error(f"columns {role}", f"'{name}' must be a sum of one unit", ", ".join(units), remedy)
+    return columns[0]
 
 
 def _check_absent(file: File, role: str, names: tuple[str, ...], taken: set[int]) -> None:

@@ -102,6 +102,16 @@ class TestUnits:
         table = named(log, "t", "u", "phi_m", "phi_l")
         check(read(tmp_path, csv_text(table), '[columns]\nx1 = "phi_m"\nx2 = "phi_l"\n'), log)
 
+    def test_a_sum_keeps_the_unit_of_its_columns(self, tmp_path, log):
+        table = named(log, "t", "u", "a_cm", "b_cm")
+        run = read(tmp_path, csv_text(table), '[columns]\nx1 = "a_cm"\nx2 = "a_cm + b_cm"\n')
+        assert run.x2 == pytest.approx(10.0 * (log["x1"] + log["x2"]), abs=1e-2)
+
+    def test_a_sum_has_one_unit(self, tmp_path, log):
+        table = named(log, "t", "u", "a_cm", "b_mm")
+        with pytest.raises(RecordingError, match="'a_cm - b_mm' must be a sum of one unit; got cm, mm"):
+            read(tmp_path, csv_text(table), '[columns]\nx1 = "a_cm"\nx2 = "a_cm - b_mm"\n')
+
     def test_remarks_in_brackets_are_no_units(self, tmp_path, log):
         table = named(log, "t", "u", "Encoder A (left)", "Encoder B (right)")
         check(read(tmp_path, csv_text(table), '[columns]\nx1 = "Encoder A (left)"\nx2 = "Encoder B (right)"\n'), log)
