@@ -40,9 +40,9 @@ def read(
 
 
 def skipped_lines(found: RecordingSet) -> list[str]:
-    """Return what to say of files that were left out; nothing where none was."""
+    """Return what to say of files that were left out and rules that fit none; nothing where there are no such."""
     if not found.skipped:
-        return []
+        return [found.summary()] if found.idle else []
     from identification.recordings.recording_set import reasons  # noqa: PLC0415
 
     lines = reasons(found.skipped, _SHOWN, "; 'flexdrive check' lists all")

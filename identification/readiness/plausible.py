@@ -1,7 +1,8 @@
 """Signs and sizes that no drive of a laboratory can have.
 
 A motor that drives a drive at rest puts energy into it, so the mean of command times velocity of cart 1 is never
-negative, whatever the friction and the springs. Slowly driven, cart 2 goes where cart 1 goes.
+negative, whatever the friction and the springs. Slowly driven, cart 2 goes where cart 1 goes. The command acts on cart 1 alone,
+and cart 2 feels only the spring, so exchanged carts obey the equations of motion less well than the others.
 """
 
 from __future__ import annotations
@@ -23,6 +24,10 @@ _HARDEST = 1e5
 # a laboratory's track [mm]
 _TRACK = 2000.0
 _SMOOTH_HZ = 20.0
+# mean gain of log-likelihood per sample by exchanging the carts, from which on they are; as they should be, rigs have -0.4 to -3
+_EXCHANGED = 0.2
+# travel of the other cart's from which on a cart moves, and instants of a run that tell
+_MOVES, _INSTANTS = 0.1, 2000
 # a command that never takes another value than a whole number, and goes this far, is counted [V]
 _COUNTED = 24.0
 
@@ -43,6 +48,10 @@ def implausible(recordings: Sequence[Recording]) -> tuple[Implausible, ...]:
         for kind in _kinds(r):
             found.setdefault(kind, []).append(r.name)
     driven = [r for r in recordings if not silent(r)]
+    if exchanged := _exchanged([r for r in driven if _open(r)]):
+        # whichever way cart 2 goes at a fast sine says nothing of the motor's sign
+        found.pop("sign of u", None)
+        found["carts"] = exchanged
     # those that can tell: fast ones say nothing of cart 2's sign, and P-control none of the command's
     able = {"sign of u": sum(map(_open, driven)), "sign of x2": sum(_open(r) and _slow(r) for r in driven)}
     return tuple(
@@ -62,6 +71,8 @@ def _slow(r: Recording) -> bool:
 
 
 _SENTENCES = {
+    "carts": "the command accelerates cart 2, and the spring alone moves cart 1: exchange the columns of x1 and x2 (v1 and "
+    "v2) in rig.toml under [columns]",
     "sign of u": "a positive command moves cart 1 backwards, which takes energy out of a motor: write a "
     "negative factor for u, "
     "or for x1 and x2 both, into rig.toml under [units]",
@@ -112,6 +123,37 @@ def _signs(r: Recording) -> list[str]:
         if size > 0.0 and float(slow[0] @ slow[1]) < _OPPOSED * size and _slow(r):
             found.append("sign of x2")
     return found
+
+
+def _exchanged(recordings: Sequence[Recording]) -> list[str]:
+    """Return the recordings that say so if the carts are exchanged, else nothing."""
+    gains = {r.name: g for r in recordings if (g := _gain_of_exchange(r)) is not None}
+    if not gains or float(np.mean(list(gains.values()))) < _EXCHANGED:
+        return []
+    return [name for name, gain in gains.items() if gain > 0.0]
+
+
+def _gain_of_exchange(r: Recording) -> float | None:
+    """Return the gain of log-likelihood per sample from a model whose command acts on cart 2; ``None`` if not both move."""
+    x = [position(r, 1), position(r, 2)]
+    travels = [0.0 if p is None else float(np.ptp(p)) for p in x]
+    if not min(travels) > _MOVES * max(travels):
+        return None
+    h, every = r.sample_time, max(r.n // _INSTANTS, 1)
+    x1, x2, u = (_smooth(p, h) for p in (*(p for p in x if p is not None), r.u))
+    v1, v2 = np.gradient(x1, h), np.gradient(x2, h)
+    signs = [_smooth(np.sign(v), h) for v in (v1, v2)]
+    felt = np.column_stack([x1, x2, v1, v2, np.ones(r.n)])
+
+    def unexplained(v: FloatArray, *columns: FloatArray) -> float:
+        A = np.column_stack([felt, *columns])[::every]
+        A = A / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+        a = np.gradient(v, h)[::every]
+        left = a - A @ np.linalg.lstsq(A, a, rcond=None)[0]
+        return float(np.log(max(float(left @ left) / max(float(a @ a), 1e-300), 1e-12)))
+
+    as_read = unexplained(v1, u, signs[0]) + unexplained(v2, signs[1])
+    return as_read - unexplained(v2, u, signs[1]) - unexplained(v1, signs[0])
 
 
 def _sizes(r: Recording) -> list[str]:

@@ -187,6 +187,7 @@ class Check:
         return {
             "recordings": [item.as_json() for item in self.recordings],
             "skipped": [{"file": item.file, "reason": item.reason} for item in self.read.skipped],
+            "idle_rules": list(self.read.idle),
             "sessions": [{"id": name, "recordings": n} for name, n in self.sessions.items()],
             "identifiable": {} if found is None else {short(n): ok for n, ok in found.determined.items()},
             "half_widths": {} if found is None else {short(n): w for n, w in found.half_width.items()},

@@ -24,6 +24,7 @@ from identification.recordings.recording_set import RecordingSet, Skipped, reaso
 from identification.recordings.rig import Rig, load_rig
 from identification.recordings.roles import find_roles
 from identification.recordings.scale import choose_units
+from identification.recordings.sentinels import sentinel
 from identification.recordings.stamps import experiments
 from identification.recordings.timing import make_uniform
 from identification.recordings.wraps import unwrapped
@@ -51,7 +52,7 @@ class _File:
     @property
     def source(self) -> str:
         """Path from the folder down."""
-        return self.path.name if self.root is None else self.path.relative_to(self.root).as_posix()
+        return _source(self.path, self.root)
 
 
 def read_recordings(
@@ -93,7 +94,8 @@ def read_recordings(
     """
     described = load_rig(rig) if isinstance(rig, str | Path) else rig or Rig()
     _check_names(described, units)
-    files = _files([paths] if isinstance(paths, str | Path) else list(paths), described, only, skip)
+    given = collect([paths] if isinstance(paths, str | Path) else list(paths))
+    files = _files(given, described, only, skip)
     skipped: dict[str, Skipped] = {}
     parsed: list[Parsed] = []
     errors: list[RecordingError] = []
@@ -127,7 +129,7 @@ def read_recordings(
         raise _nothing(paths, files, skipped, errors)
     order = {file.source: k for k, file in enumerate(files)}
     listed = sorted(skipped.values(), key=lambda item: order[item.file])
-    return RecordingSet(find_faults(_share_quantum(recordings)), listed, described)
+    return RecordingSet(find_faults(_share_quantum(recordings)), listed, described, _idle(given, described))
 
 
 def _check_names(rig: Rig, units: Units | None) -> None:
@@ -164,19 +166,26 @@ def _nothing(
     )
 
 
-def _files(paths: list[str | Path], rig: Rig, only: Sequence[str], skip: Sequence[str]) -> list[_File]:
+def _source(path: Path, root: Path | None) -> str:
+    """Return a path from the folder down."""
+    return path.name if root is None else path.relative_to(root).as_posix()
+
+
+def _files(given: list[tuple[Path, Path | None]], rig: Rig, only: Sequence[str], skip: Sequence[str]) -> list[_File]:
     """Return the files that are asked for."""
-    found = [
-        (path, root)
-        for path, root in collect(paths)
-        if wanted(path if root is None else path.relative_to(root), only, skip)
-    ]
+    found = [(path, root) for path, root in given if wanted(Path(_source(path, root)), only, skip)]
     names = short_names([path for path, _ in found])
     files = []
     for (path, root), name in zip(found, names, strict=True):
-        source = path.name if root is None else path.relative_to(root).as_posix()
+        source = _source(path, root)
         files.append(_File(path, root, name, rig.rule(source), rig.for_file(source)))
     return files
+
+
+def _idle(given: list[tuple[Path, Path | None]], rig: Rig) -> list[str]:
+    """Return the patterns of the rules that hold for no file, for none fits or earlier rules hold."""
+    used = [rig.rule(_source(path, root)) for path, root in given]
+    return [rule.match for rule in rig.files if not any(rule is other for other in used)]
 
 
 def _shown(paths: str | Path | Sequence[str | Path]) -> str:
@@ -202,7 +211,7 @@ def _parse(file: _File) -> list[Parsed]:
         raise NotARecordingError(f"{source}: left out by rig.toml")
     table = read_table(file.path)
     roles = find_roles(table, rig, source)
-    signals, turned = _without_wraps(dict(roles.signals), roles.factors)
+    signals, mended = _mended(roles.signals, roles.factors)
     t, recorded, dated = seconds_of_stamps(signals.pop("t"), roles.unit)
     pieces = experiments(t) if rig.sample_time is None else [slice(0, t.size)]
     found = []
@@ -213,7 +222,7 @@ def _parse(file: _File) -> list[Parsed]:
         uniform = make_uniform(t[piece], own, source, rig.sample_time)
         cutoff = _cutoff(own, steps, float(np.median(np.diff(uniform.t))), roles.filtered)
         part = (f"experiment {k} of {len(pieces)} in {file.source}",) if len(pieces) > 1 else ()
-        notes = (*part, *table.notes, *roles.notes, *turned, *dated, *_filter_notes(roles.filtered, cutoff))
+        notes = (*part, *table.notes, *roles.notes, *mended, *dated, *_filter_notes(roles.filtered, cutoff))
         found.append(
             Parsed(
                 f"{file.name}_{k}" if part else file.name,
@@ -231,17 +240,23 @@ def _parse(file: _File) -> list[Parsed]:
     return found
 
 
-def _without_wraps(
-    signals: dict[str, FloatArray], factors: Mapping[str, float]
-) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
-    """Return signals whose positions go on where their counters began again, and notes."""
-    notes = []
-    for name in ("x1", "x2"):
-        found = unwrapped(signals[name] / factors[name]) if name in signals else None
-        if found is not None:
-            signals[name] = found[0] * factors[name]
-            notes.append(f"{name} begins again after {found[1]:.6g}: read on from there")
-    return signals, tuple(notes)
+def _mended(signals: Mapping[str, FloatArray], factors: Mapping[str, float]) -> tuple[dict[str, FloatArray], list[str]]:
+    """Return signals that go on where a counter began again, without numbers that stand for missing values, and notes."""
+    found, notes = dict(signals), list[str]()
+    for name in CHANNELS:
+        if name not in found:
+            continue
+        wraps = unwrapped(found[name] / factors[name]) if name[0] == "x" else None
+        if wraps is not None:
+            found[name] = wraps[0] * factors[name]
+            notes.append(f"{name} begins again after {wraps[1]:.6g}: read on from there")
+        mark = sentinel(found[name])
+        if mark is not None:
+            missing = found[name] == mark
+            found[name] = np.where(missing, np.nan, found[name])
+            said = f"{mark / factors[name]:.10g} in {np.count_nonzero(missing)} samples, far from all else"
+            notes.append(f"{name} is {said}: no reading")
+    return found, notes
 
 
 def _step(values: FloatArray, factor: float) -> float:

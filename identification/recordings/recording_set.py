@@ -39,22 +39,30 @@ class RecordingSet(tuple[Recording, ...]):  # noqa: SLOT001  (it has attributes,
         Files that were left out.
     rig : Rig
         Description they were read with.
+    idle : tuple of str
+        Patterns of its rules for some files that hold for none.
     """
 
     skipped: tuple[Skipped, ...]
     rig: Rig
+    idle: tuple[str, ...]
 
     def __new__(
-        cls, recordings: Iterable[Recording] = (), skipped: Iterable[Skipped] = (), rig: Rig | None = None
+        cls,
+        recordings: Iterable[Recording] = (),
+        skipped: Iterable[Skipped] = (),
+        rig: Rig | None = None,
+        idle: Iterable[str] = (),
     ) -> Self:
         """Return the set; ``rig`` defaults to one that says nothing."""
         made = super().__new__(cls, tuple(recordings))
         made.skipped = tuple(skipped)
         made.rig = Rig() if rig is None else rig
+        made.idle = tuple(idle)
         return made
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return RecordingSet, (tuple(self), self.skipped, self.rig)
+        return RecordingSet, (tuple(self), self.skipped, self.rig, self.idle)
 
     @property
     def units(self) -> Units:
@@ -62,9 +70,10 @@ class RecordingSet(tuple[Recording, ...]):  # noqa: SLOT001  (it has attributes,
         return self[0].units if self else LAB
 
     def summary(self) -> str:
-        """Return one sentence: how many were read, how many left out."""
+        """Return one sentence: how many were read, how many left out, which rules for some files fit none."""
         left = f"; {_count(len(self.skipped), 'file')} left out" if self.skipped else ""
-        return f"{_count(len(self), 'recording')} read{left}"
+        idle = f"; no file falls under the rule {listed([repr(p) for p in self.idle])} of rig.toml" if self.idle else ""
+        return f"{_count(len(self), 'recording')} read{left}{idle}"
 
 
 def reasons(skipped: Iterable[Skipped], most: int | None = None, rest: str = "") -> list[str]:

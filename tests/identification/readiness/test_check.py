@@ -83,6 +83,18 @@ def test_a_turned_command_is_found_by_the_energy_it_takes():
     assert [w.kind for w in other] == ["sign of x2"]
 
 
+def test_exchanged_carts_are_found_by_the_one_that_the_command_acts_on():
+    runs = data_set()
+    exchanged = [replace(r, x1=r.x2, x2=r.x1, v1=r.v2, v2=r.v1) for r in runs]
+    assert [w.kind for w in implausible(exchanged)] == ["carts"]
+    found = check(exchanged)
+    assert not found.ready
+    assert "exchange the columns of x1 and x2" in found.line() + " ".join(found.warnings)
+    # whichever way the encoders count
+    turned = implausible([replace(r, x1=None if r.x1 is None else -r.x1, v1=-r.v1) for r in runs])
+    assert "carts" not in {w.kind for w in turned}
+
+
 def test_counts_that_are_read_as_millimetres():
     r = DRIVE.simulate(T, 2.0 * np.sign(np.sin(np.pi * T + 1e-9)))
     counts = replace(r, x1=np.round(r.x1 / 0.0047), x2=np.round(r.x2 / 0.0047), v1=None, v2=None)

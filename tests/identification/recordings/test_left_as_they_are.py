@@ -6,6 +6,7 @@ import scipy.io
 
 from identification.recordings import RecordingError, read_recordings
 from identification.recordings.rig import parse_rig
+from identification.recordings.sentinels import sentinel
 from identification.recordings.wraps import unwrapped
 from tests.each import each
 from tests.identification.recordings.logs import csv_text, position_log
@@ -309,3 +310,25 @@ class TestCountersThatBeginAgain:
 
     def test_a_way_that_ends_within_a_turn_is_as_it_is(self):
         assert unwrapped(350.0 * np.sin(np.linspace(0.0, 1.5, 500))) is None
+
+
+class TestNumbersThatStandForNone:
+    @each("mark", [-999.0, 9999.0, 65535.0, 1e30])
+    def test_they_are_missing_values(self, tmp_path, log, mark):
+        gone = np.zeros(log["t"].size, dtype=bool)
+        gone[[300, 301, 1200, 2500]] = True
+        run = read(tmp_path, csv_text({**log, "x1": np.where(gone, mark, log["x1"])}))
+        assert run.x1[~gone] == pytest.approx(log["x1"][~gone], abs=1e-4)
+        assert run.x1[gone] == pytest.approx(log["x1"][gone], abs=0.5)
+        assert not run.valid("x1")[gone].any()
+        assert any(f"x1 is {mark:.10g} in 4 samples" in note for note in run.notes)
+
+    def test_a_cart_may_rest_where_it_goes_farthest(self):
+        assert sentinel(np.concatenate([np.zeros(500), np.linspace(0.0, 80.0, 500), np.full(500, 80.0)])) is None
+        # a step command takes two values
+        assert sentinel(np.repeat([0.0, 5.0], 500)) is None
+
+    def test_a_leap_that_is_never_the_same_is_a_fault(self):
+        x = np.linspace(0.0, 80.0, 500)
+        x[[100, 200]] = 900.0, 901.0
+        assert sentinel(x) is None

@@ -90,6 +90,17 @@ class TestRigDescription:
         assert [(run.name, run.session, run.held) for run in runs] == [("a", "", ()), ("b", "evening", (2,))]
         np.testing.assert_allclose(runs[1].u, -log["u_V"], atol=1e-6)
         assert [(item.file, item.reason) for item in runs.skipped] == [("c.csv", "left out by rig.toml")]
+        assert runs.idle == ()
+
+    def test_a_rule_that_holds_for_no_file_is_said(self, tmp_path):
+        (tmp_path / "feb").mkdir()
+        write_csv(tmp_path / "feb" / "a.csv", velocity_log())
+        write_csv(tmp_path / "b.csv", velocity_log("sine", 2.5, 3.0))
+        rules = "".join(f'[[files]]\nmatch = "{match}"\nuse = false\n' for match in ("feb/*", "fbe/*", "feb/a*"))
+        runs = self.read(tmp_path, rules)
+        assert runs.idle == ("fbe/*", "feb/a*")
+        assert runs.summary().endswith("no file falls under the rule 'fbe/*', 'feb/a*' of rig.toml")
+        assert self.read(tmp_path, rules, only=["b*"]).idle == runs.idle
 
     def test_units_of_its_own_are_brought_to_the_engines_scale(self, tmp_path):
         t, u, x1, _ = open_loop()
