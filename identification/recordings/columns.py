@@ -81,6 +81,8 @@ _REFERENCE = (
 # A cart's number may stand anywhere in the name (x1, position_2, cart2_velocity); without one it is cart 1.
 # A bare "v" is absent because it is as often a voltage.
 _POSITION = ("x", "q", "pos", "position", "displacement")
+# the motor drives cart 1, and its load is cart 2
+_BODIES = {"motor": "1", "load": "2"}
 _VELOCITY = ("vel", "velocity", "speed", "dx", "dq", "xdot", "qdot")
 
 _METRES = {
@@ -191,6 +193,9 @@ def _signal(stem: str) -> Signal | None:
     base = re.sub(r"cart|mass|encoder|^enc(?=\d|pos|$)", "", name)
     digits = "".join(re.findall(r"\d", base))
     base = re.sub(r"\d", "", base)
+    body = next((body for body in _BODIES if body in base), None)
+    if body is not None and not digits:
+        base, digits = base.replace(body, ""), _BODIES[body]
     if digits not in ("", "1", "2"):
         return None
     if base in _REFERENCE:

@@ -22,6 +22,7 @@ _DECIMAL_COMMA = re.compile(r"^[+-]?[\d.]*,\d+([ed][+-]?\d+)?$", re.IGNORECASE)
 EXPONENT = re.compile(r"(?<=\d)[dD](?=[+-]?\d+$)")  # as Fortran writes it
 BLANK = r"\s+"
 COMMENT = ("#", "%", "//", "'")
+_UNITS_FOLLOW = re.compile(r"^\s*units?\s*[:=]\s*", re.IGNORECASE)
 MOST_HEADER = 400  # lines above the data
 _MOST_ROWS = 5000  # lines that tell a decimal sign
 _LIKE, _MOST_LIKE = 20, 0.7  # lines below the first one, and how many of them must be data, too
@@ -132,8 +133,9 @@ def worded(line: str, separator: str) -> bool:
 def _named(above: list[str], lines: list[str], place: int, separator: str, count: int, comma: bool) -> Dialect:
     """Return the dialect with the names of the columns, from the lines above the data."""
     candidates = [line.strip().lstrip("#%/' ") if line.strip().startswith(COMMENT) else line for line in above]
+    candidates = [_UNITS_FOLLOW.sub("", line) for line in candidates[-6:]]
     units: list[str] | None = None
-    for line in reversed(candidates[-6:]):
+    for place_above, line in reversed(list(enumerate(candidates))):
         names = _header(line, separator, count)
         if names is None and separator == BLANK:
             names = _header(line, separator, count - 1)
@@ -145,6 +147,9 @@ def _named(above: list[str], lines: list[str], place: int, separator: str, count
         if units is None and _are_units(names):
             units = names
             continue
+        if units is None and place_above > 0:
+            higher = _header(candidates[place_above - 1], separator, count)
+            units = higher if higher is not None and len(higher) == len(names) and _are_units(higher) else None
         width = max(count, len(names))
         names += [""] * (width - len(names))
         if units is not None:

@@ -76,7 +76,7 @@ def read_matlab(path: Path) -> Table:
             f"variables {', '.join(list(tree)[:12]) or 'none'}" + "".join(f"; {hint}" for hint in remarks),
             "Save the run as vectors, for example save('run.mat', 't', 'u', 'v1', 'v2').",
         )
-    return Table(series, notes=notes, remarks=remarks, recorded=recorded)
+    return Table(series, notes=notes, remarks=remarks, recorded=recorded, in_lines=False)
 
 
 def _walk(tree: dict[str, Any], name: str, group: str) -> Iterator[Series]:

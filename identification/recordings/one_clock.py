@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from identification.recordings.errors import RecordingError
 
 
+# of a sampling period by which two clocks of the same instants may differ
+_APART = 0.5
+
+
 @dataclass(frozen=True)
 class Clock:
     """A time base and what shows that signals belong to it."""
@@ -37,8 +41,26 @@ def _same(first: FloatArray, second: FloatArray) -> bool:
     )
 
 
+def _alike(first: Clock, second: Clock) -> bool:
+    """Whether two clocks tell the same instants, wherever they begin: seconds since 1970 beside seconds of the run."""
+    alike = (first.t.shape, first.group, first.words) == (second.t.shape, second.group, second.words)
+    if not alike or first.t.size < 2:
+        return False
+    a, b = first.t - first.t[0], second.t - second.t[0]
+    return bool(np.all(np.abs(a - b) < _APART * abs(a[-1]) / (a.size - 1)))
+
+
 def _clocks(file: File) -> list[Clock]:
-    """Return the distinct clocks of a file, those of its columns first."""
+    """Return the distinct clocks of a file, those of its columns first; of those that tell the same the finest one."""
+    found = _all_clocks(file)
+    if not file.table.in_lines:
+        return found
+    ranked = sorted(found, key=lambda clock: float(np.ptp(np.diff(clock.t))) if clock.t.size > 1 else 0.0)
+    kept = [c for i, c in enumerate(ranked) if not (c.own and any(_alike(c, o) for o in ranked[:i] if o.own))]
+    return [clock for clock in found if any(clock is other for other in kept)]
+
+
+def _all_clocks(file: File) -> list[Clock]:
     found: list[Clock] = []
     for candidate in file.candidates.get("t", []):
         column = candidate.column or read_label(candidate.series.label)

@@ -36,6 +36,7 @@ LONG_GAP = 0.02  # s: the spring's swing can be followed over a shorter one
 FEWEST_STEPS = 3  # odd steps whose regularity tells rounding from lost samples
 BLOCK = 200  # samples over which rounded stamps keep to a line
 DRIFT = 5.0  # decimals by which a clock may drift in a run
+_EXACT = 0.1  # of its last bit by which a number of single precision may differ from one
 COARSEST = 4.0  # sampling periods that a rounded stamp may be coarse
 LATEST = 1e12  # s
 # s after which clocks begin again: of a day, of µs and of ms in 32 bits
@@ -228,7 +229,12 @@ def _off_line(t: FloatArray) -> float:
 
 
 def _resolution(t: FloatArray) -> float:
-    """Return the decimal that the stamps are rounded to [s], or 0 where they are not rounded."""
+    """Return the decimal, or the last bit of single precision, that the stamps are rounded to [s]; 0 where they are not."""
+    single = t.astype(np.float32)
+    bit = np.spacing(np.abs(single)).astype(np.float64)
+    # they may have been written down with some digits less
+    if np.all(np.abs(t - single) <= _EXACT * bit):
+        return float(np.max(bit))
     for decimal in (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6):
         scaled = t / decimal
         if np.max(np.abs(scaled - np.round(scaled))) < 1e-4:

@@ -63,6 +63,8 @@ class Table:
         What helps where a signal is missing, such as matrices whose columns have no names; sentences.
     recorded
         When the file says it was recorded.
+    in_lines
+        Whether what stands in one line belongs to one instant, as in text; vectors of a workspace may be of several loggers.
     """
 
     series: tuple[Series, ...]
@@ -70,6 +72,7 @@ class Table:
     hints: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     recorded: datetime | None = None
+    in_lines: bool = True
 
     @property
     def labels(self) -> tuple[str, ...]:

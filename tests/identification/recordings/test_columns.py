@@ -39,6 +39,10 @@ from tests.each import each
         ("v2 [m s^-1]", "v2", 1000.0),
         ("velocity1", "v1", 1.0),
         ("cart2 velocity [cm/s]", "v2", 10.0),
+        ("Motor Position [cm]", "x1", 10.0),
+        ("load_position", "x2", 1.0),
+        ("Load Speed (m/s)", "v2", 1000.0),
+        ("motor_encoder", "x1", 1.0),
         ("xr", "xr", 1.0),
         ("ref", "xr", 1.0),
         ("reference", "xr", 1.0),
@@ -52,7 +56,9 @@ def test_names_and_units_that_labs_use(label, signal, factor):
     assert (column.signal, column.factor) == (signal, factor)
 
 
-@each("label", ["y_V", "v", "x3", "temperature [C]", "", "flag"])
+@each(
+    "label", ["y_V", "v", "x3", "temperature [C]", "", "flag", "motor", "load", "motor current [A]", "load 3 position"]
+)
 def test_other_names_are_unknown(label):
     assert read_label(label) is None
 

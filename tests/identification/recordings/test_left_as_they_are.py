@@ -30,6 +30,12 @@ def read(folder, text, rig=""):
     return run
 
 
+def with_stamps(log, name, stamps):
+    """Return a log whose first column is replaced by stamps, in all their digits."""
+    head, *rows = csv_text(dict(list(log.items())[1:])).splitlines()
+    return "\n".join([f"{name},{head}", *(f"{t},{r}" for t, r in zip(stamps, rows, strict=True))])
+
+
 def check(run, log, x1=1.0, x2=1.0):
     assert run.u == pytest.approx(log["u"], abs=1e-4)
     assert run.x1 == pytest.approx(x1 * log["x1"], abs=1e-4 * x1)
@@ -48,6 +54,12 @@ class TestWhatStandsAboveTheData:
     )
     def test_settings_of_the_logger_are_no_data(self, tmp_path, log, above):
         check(read(tmp_path, above + csv_text(log)), log)
+
+    @each("units", ["# units: s, V, cm, cm", "s,V,cm,cm", "[s],[V],[cm],[cm]"])
+    def test_units_stand_above_the_names_or_below(self, tmp_path, log, units):
+        head, *rows = csv_text(log).splitlines()
+        for lines in ([units, head], [head, units]):
+            check(read(tmp_path, "\n".join([*lines, *rows])), log, 10.0, 10.0)
 
     def test_data_begin_at_once_below_names_of_signals(self, tmp_path, log):
         rows = csv_text(log).splitlines()
@@ -280,13 +292,24 @@ class TestCountersThatBeginAgain:
     @each("clock", [("t_s", 86400.0, 1.0), ("t_us", 2.0**32, 1e6), ("t_ms", 2.0**32, 1e3)])
     def test_clocks_go_on(self, tmp_path, log, clock):
         name, period, per_second = clock
-        table = named(log, name, "u", "x1", "x2")
-        table[name] = (period - 2.0 * per_second + per_second * log["t"]) % period
-        head, *rows = csv_text({k: v for k, v in table.items() if k != name}).splitlines()
-        stamps = (f"{t:.4f}" for t in table[name])
-        run = read(tmp_path, "\n".join([f"{name},{head}", *(f"{t},{r}" for t, r in zip(stamps, rows, strict=True))]))
+        stamps = (period - 2.0 * per_second + per_second * log["t"]) % period
+        run = read(tmp_path, with_stamps(log, name, [f"{t:.4f}" for t in stamps]))
         check(run, log)
         assert any("goes round" in note for note in run.notes)
+
+    @each("begin", [1000.0, 5000.0, 20000.0])
+    def test_a_clock_of_single_precision_is_even(self, tmp_path, log, begin):
+        stamps = (log["t"] + begin).astype(np.float32)
+        run = read(tmp_path, with_stamps(log, "t", [f"{t:.9g}" for t in stamps]))
+        assert run.n == log["t"].size
+        assert np.diff(run.t) == pytest.approx(log["t"][1], rel=1e-6)
+        check(run, log)
+
+    def test_two_clocks_may_tell_the_same(self, tmp_path, log):
+        own = {"t_s" if name == "t" else name: values for name, values in log.items()}
+        run = read(tmp_path, with_stamps({"": None, **own}, "timestamp", [f"{1.7e9 + t:.4f}" for t in log["t"]]))
+        assert run.t == pytest.approx(log["t"], abs=1e-9)
+        check(run, log)
 
     @each("period", [2.0 * np.pi, 360.0, 256.0, 65536.0])
     def test_they_go_on(self, period):
