@@ -27,7 +27,7 @@ Recordings = Annotated[
     list[Path],
     typer.Argument(
         exists=True,
-        help="Folder (searched recursively) or files: text, .mat, .parquet.",
+        help="Folder (searched recursively) or files: text, .mat, .npz, .h5, .xlsx, .parquet.",
         metavar="RECORDINGS...",
     ),
 ]

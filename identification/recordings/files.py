@@ -22,8 +22,10 @@ if TYPE_CHECKING:
     from flexdrive_gym.recording import FloatArray
 
 _TEXT = (".csv", ".txt", ".dat", ".tsv", ".log", ".asc", ".lvm")
-EXTENSIONS = (*_TEXT, *(f"{kind}.gz" for kind in _TEXT), ".mat", ".parquet")
-NOT_READ = (".xlsx", ".xls", ".ods", ".tdms", ".npz", ".npy", ".h5", ".hdf5", ".mf4", ".mdf", ".xz", ".bz2")
+_HDF5 = (".h5", ".hdf5")
+_OTHERS = (".mat", ".parquet", ".xlsx", ".npz", *_HDF5)
+EXTENSIONS = (*_TEXT, *(f"{kind}.gz" for kind in _TEXT), *_OTHERS)
+NOT_READ = (".xls", ".ods", ".tdms", ".npy", ".mf4", ".mdf", ".xz", ".bz2")
 """May hold recordings but are not read: listed with that reason, where other kinds of files are not even listed."""
 
 LARGEST_NUMBER = 1e60
@@ -55,13 +57,21 @@ def read_table(path: Path) -> Table:
         If the extension is unknown, the file is damaged, or holds something other than numbers.
     """
     kind = extension(path)
-    if kind == ".mat":
+    if kind in (".mat", *_HDF5):
         # scipy.io and h5py cost more time to import than a folder of text files takes to read
         from identification.recordings.matlab import read_matlab  # noqa: PLC0415
 
         table = read_matlab(path)
+    elif kind == ".npz":
+        from identification.recordings.numpy_file import read_npz  # noqa: PLC0415
+
+        table = read_npz(path)
     elif kind == ".parquet":
         table = _read_parquet(path)
+    elif kind == ".xlsx":
+        from identification.recordings.spreadsheet import read_spreadsheet  # noqa: PLC0415
+
+        table = read_spreadsheet(path)
     elif kind in EXTENSIONS:
         from identification.recordings.text import read_text  # noqa: PLC0415  (imports pandas)
 
@@ -72,7 +82,7 @@ def read_table(path: Path) -> Table:
         raise broken(
             path.name,
             "extension",
-            f"must be one of {', '.join((*_TEXT, '.mat', '.parquet'))}",
+            f"must be one of {', '.join((*_TEXT, *_OTHERS))}",
             kind or "none",
             f"{hint}Export the log as .csv with a header line such as t_s,u_V,v1_mm_s,v2_mm_s.",
         )

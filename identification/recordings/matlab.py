@@ -26,6 +26,7 @@ from identification.recordings.table import Series, Table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from datetime import datetime
     from pathlib import Path
 
     from flexdrive_gym.recording import FloatArray
@@ -57,6 +58,28 @@ def read_matlab(path: Path) -> Table:
         If the file is damaged or holds nothing that can be a signal.
     """
     tree, remarks, recorded = load_tree(path)
+    return columns_of(tree, path.name, remarks, recorded)
+
+
+def columns_of(
+    tree: dict[str, Any], source: str, remarks: tuple[str, ...] = (), recorded: datetime | None = None
+) -> Table:
+    """Return the columns of a workspace: vectors by their names, and what its structs hold.
+
+    Parameters
+    ----------
+    tree
+        Variables; structs are dictionaries, cells and struct arrays are lists.
+    source
+        File name for messages.
+    remarks, recorded
+        As :class:`~identification.recordings.table.Table` has them.
+
+    Raises
+    ------
+    RecordingError
+        If it holds nothing that can be a signal.
+    """
     series = tuple(_walk(tree, "", ""))
     counted = _counted(tree, series)
     notes = () if counted is None else (counted[1],)
@@ -70,7 +93,7 @@ def read_matlab(path: Path) -> Table:
         )
     if not series:
         raise broken(
-            path.name,
+            source,
             "file",
             "must hold vectors, a structure with time or timeseries structs",
             f"variables {', '.join(list(tree)[:12]) or 'none'}" + "".join(f"; {hint}" for hint in remarks),

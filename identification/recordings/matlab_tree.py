@@ -45,7 +45,7 @@ _DAMAGED = (
 
 
 def load_tree(path: Path) -> tuple[dict[str, Any], tuple[str, ...], datetime | None]:
-    """Read a ``.mat`` file.
+    """Read a ``.mat`` file, or another of HDF5.
 
     Parameters
     ----------
@@ -72,12 +72,13 @@ def load_tree(path: Path) -> tuple[dict[str, Any], tuple[str, ...], datetime | N
         tree = _load_7_3(path) if h5py.is_hdf5(path) else _load(path)
     # what a damaged file raises depends on the byte that is damaged
     except _DAMAGED as error:
+        matlab = path.suffix.lower() == ".mat"
         raise broken(
             path.name,
             "file",
-            "must be a complete MATLAB file",
+            f"must be a complete {'MATLAB' if matlab else 'HDF5'} file",
             " ".join(f"{type(error).__name__}: {error}".split())[:120],
-            "Copy the file again, or save it again with save('run.mat', '-v7').",
+            "Copy the file again" + (", or save it again with save('run.mat', '-v7')." if matlab else "."),
         ) from error
     opaque = [name for name, value in tree.items() if value is _OPAQUE and name != "None"]
     remarks = tuple(
@@ -147,6 +148,11 @@ def _hdf5(item: Any, file: Any, budget: _Budget) -> Any:
         budget.depth -= 1
 
 
+def _refers(item: Any) -> bool:
+    # texts of other programs are of the same type as references
+    return h5py.check_ref_dtype(item.dtype) is not None
+
+
 def _dataset(item: Any, file: Any, budget: _Budget) -> Any:
     if not isinstance(item, h5py.Dataset) or item.shape is None:
         return _OPAQUE
@@ -155,7 +161,7 @@ def _dataset(item: Any, file: Any, budget: _Budget) -> Any:
     kind = kind.decode() if isinstance(kind, bytes) else str(kind)
     if item.attrs.get("MATLAB_empty", 0):
         return "" if kind == "char" else np.empty(0)
-    if item.dtype == h5py.ref_dtype:
+    if _refers(item):
         items = [_hdf5(file[reference], file, budget) for reference in item[()].ravel()]
         return items[0] if len(items) == 1 else items
     values = item[()]
@@ -175,7 +181,7 @@ def _group(group: Any, file: Any, budget: _Budget) -> Any:
         name: item
         for name, item in fields.items()
         # a field of a struct array is an array of references without a class of its own; a cell has one
-        if isinstance(item, h5py.Dataset) and item.dtype == h5py.ref_dtype and "MATLAB_class" not in item.attrs
+        if isinstance(item, h5py.Dataset) and _refers(item) and "MATLAB_class" not in item.attrs
     }
     if fields and len(arrays) == len(fields):
         for item in arrays.values():

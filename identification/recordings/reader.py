@@ -69,8 +69,8 @@ def read_recordings(
     Parameters
     ----------
     paths
-        A folder, searched recursively for text (``.csv``, ``.txt`` and others, also compressed), ``.mat`` and ``.parquet`` in
-        sorted order, a file, or several of either.
+        A folder, searched recursively for text (``.csv``, ``.txt`` and others, also compressed), ``.mat``, ``.npz``,
+        ``.h5``, ``.xlsx`` and ``.parquet`` in sorted order, a file, or several of either.
     rig
         What the columns mean: a description, or the ``rig.toml`` it stands in; default: the reader recognises names by itself.
     strict

@@ -56,8 +56,11 @@ def read_text(path: Path) -> Table:
     RecordingError
         If it is damaged, too large or uneven.
     """
-    source = path.name
-    lines = _lines(_decoded(_bytes(path), source))
+    return read_lines(_lines(_decoded(_bytes(path), path.name)), path.name)
+
+
+def read_lines(lines: list[str], source: str) -> Table:
+    """Return the columns in lines of text; ``source`` names their file in errors."""
     dialect = dialect_of(lines, source)
     body = _body(lines, dialect)
     if dialect.separator != ",":

@@ -2,6 +2,7 @@ import gzip
 import importlib.util
 from datetime import datetime
 
+import h5py
 import numpy as np
 import pytest
 
@@ -266,6 +267,68 @@ def test_text_that_is_called_gzip(tmp_path, log):
     path = write_csv(tmp_path / "a.csv.gz", log)
     with pytest.raises(RecordingError, match="must be complete gzip data"):
         read_table(path)
+
+
+@each("suffix", ["npz", "h5"])
+def test_arrays_of_other_programs_are_read_as_a_workspace(tmp_path, log, suffix):
+    path = tmp_path / f"a.{suffix}"
+    if suffix == "npz":
+        np.savez(path, **log, config=np.array({"gain": 2.0}, dtype=object), Kp=3.0)
+    else:
+        with h5py.File(path, "w") as file:
+            for name, values in log.items():
+                file[f"run/{name}"] = values
+            file.attrs["operator"] = "A"
+            file["notes"] = "first try"
+    table = read_table(path)
+    assert table.labels == tuple(log)
+    for values, wanted in zip(table.values, log.values(), strict=True):
+        np.testing.assert_array_equal(values, wanted)
+
+
+@each("suffix", ["npz", "h5"])
+def test_damaged_arrays_are_skipped_with_a_reason(tmp_path, suffix):
+    path = tmp_path / f"a.{suffix}"
+    for content in (b"PK\x03\x04", b"\x89HDF\r\n\x1a\n", b"t,u\n"):
+        path.write_bytes(content)
+        with pytest.raises(RecordingError, match="must be a complete"):
+            read_table(path)
+
+
+def workbook(path, **sheets):
+    openpyxl = pytest.importorskip("openpyxl", reason="extra excel is not installed")
+    book = openpyxl.Workbook()
+    book.remove(book.active)
+    for name, rows in sheets.items():
+        sheet = book.create_sheet(name)
+        for row in rows:
+            sheet.append(row)
+    book.save(path)
+    return path
+
+
+def test_a_spreadsheet_is_read_as_the_same_log_in_text(tmp_path, log):
+    rows = [["Lab 3", None], ["recorded by", "A"], [], list(log), *zip(*log.values(), strict=True)]
+    path = workbook(tmp_path / "a.xlsx", notes=[["what", "why"]], run=[[None, *row] for row in rows])
+    table = read_table(path)
+    assert table.labels == tuple(log)
+    assert not table.notes
+    for values, wanted in zip(table.values, log.values(), strict=True):
+        np.testing.assert_allclose(values, wanted, rtol=1e-14)
+
+
+def test_of_several_sheets_with_numbers_the_first_is_read_and_said(tmp_path, log):
+    rows = [list(log), *zip(*log.values(), strict=True)]
+    table = read_table(workbook(tmp_path / "a.xlsx", one=rows, two=rows))
+    (note,) = table.notes
+    assert note == "warning: of 2 sheets with numbers 'one' is read. Save two as files of their own"
+
+
+def test_a_spreadsheet_needs_its_package(tmp_path, monkeypatch):
+    (tmp_path / "a.xlsx").write_bytes(b"PK")
+    monkeypatch.setattr(importlib.util, "find_spec", lambda _name: None)
+    with pytest.raises(RecordingError, match="needs the package openpyxl"):
+        read_table(tmp_path / "a.xlsx")
 
 
 @each(("name", "hint"), [("a.cvs", "Did you mean .csv"), ("a.xlsx", "Export the log as .csv"), ("a", "got none")])
