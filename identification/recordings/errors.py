@@ -31,5 +31,19 @@ def broken(source: str, what: str, rule: str, got: str, remedy: str) -> Recordin
     return RecordingError(f"{source}: {what}: {rule}; got {got}. {remedy}")
 
 
+def damaged(source: str, kind: str, error: Exception, remedy: str) -> RecordingError:
+    """Return the error for a file that its reader cannot read: what that raises depends on the byte that is damaged.
+
+    Parameters
+    ----------
+    kind
+        What it should be, for example ``parquet``.
+    error
+        What the reader raised.
+    """
+    got = " ".join(f"{type(error).__name__}: {error}".split())[:120]
+    return broken(source, "file", f"must be a complete {kind} file", got, remedy)
+
+
 class NotARecordingError(RecordingError):
     """A readable file that is no recording, such as a reference trajectory or notes: left out without alarm."""

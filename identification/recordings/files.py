@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from identification.recordings.dates import date_of_name
-from identification.recordings.errors import broken
-from identification.recordings.table import LARGEST, Series, Table
+from identification.recordings.errors import broken, damaged
+from identification.recordings.table import Series, Table, require_size
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -107,11 +107,8 @@ def _read_parquet(path: Path) -> Table:
         frame = pd.read_parquet(path).reset_index()
     # each of the two libraries has its own errors for damaged files
     except Exception as error:
-        got = " ".join(f"{type(error).__name__}: {error}".split())[:120]
-        raise broken(path.name, "file", "must be a complete parquet file", got, "Export the log as .csv.") from error
-    if 8 * frame.size > LARGEST:
-        rule = f"must be smaller than {LARGEST >> 20} MB"
-        raise broken(path.name, "file", rule, f"{8 * frame.size >> 20} MB", "Export fewer columns, or split the run.")
+        raise damaged(path.name, "parquet", error, "Export the log as .csv.") from error
+    require_size(path.name, 8 * frame.size, "Export fewer columns, or split the run.")
     series: list[Series] = []
     for label in frame.columns:
         column = frame[label]

@@ -97,7 +97,8 @@ def columns_of(
             "file",
             "must hold vectors, a structure with time or timeseries structs",
             f"variables {', '.join(list(tree)[:12]) or 'none'}" + "".join(f"; {hint}" for hint in remarks),
-            "Save the run as vectors, for example save('run.mat', 't', 'u', 'v1', 'v2').",
+            "Save the run as vectors, for example "
+            + ("save('run.mat', 't', 'u', 'v1', 'v2')." if source.lower().endswith(".mat") else "t, u, v1 and v2."),
         )
     return Table(series, notes=notes, remarks=remarks, recorded=recorded, in_lines=False)
 

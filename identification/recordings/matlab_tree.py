@@ -19,7 +19,7 @@ import scipy.io
 from scipy.io.matlab import MatlabFunction, MatlabOpaque, MatReadError
 
 from identification.recordings.dates import date_of_header
-from identification.recordings.errors import broken
+from identification.recordings.errors import damaged
 from identification.recordings.matlab_sizes import DEEPEST, check_sizes
 from identification.recordings.table import LARGEST
 
@@ -66,20 +66,14 @@ def load_tree(path: Path) -> tuple[dict[str, Any], tuple[str, ...], datetime | N
     RecordingError
         If the file is damaged or not a MATLAB file.
     """
+    matlab = path.suffix.lower() == ".mat"
     try:
         with path.open("rb") as file:
             head = file.read(116)
-        tree = _load_7_3(path) if h5py.is_hdf5(path) else _load(path)
-    # what a damaged file raises depends on the byte that is damaged
+        tree = _load(path) if matlab and not h5py.is_hdf5(path) else _load_7_3(path)
     except _DAMAGED as error:
-        matlab = path.suffix.lower() == ".mat"
-        raise broken(
-            path.name,
-            "file",
-            f"must be a complete {'MATLAB' if matlab else 'HDF5'} file",
-            " ".join(f"{type(error).__name__}: {error}".split())[:120],
-            "Copy the file again" + (", or save it again with save('run.mat', '-v7')." if matlab else "."),
-        ) from error
+        remedy = "Copy the file again" + (", or save it again with save('run.mat', '-v7')." if matlab else ".")
+        raise damaged(path.name, "MATLAB" if matlab else "HDF5", error, remedy) from error
     opaque = [name for name, value in tree.items() if value is _OPAQUE and name != "None"]
     remarks = tuple(
         f"variable {name} is an object that only MATLAB reads; save its Time, Data and Name as a struct"

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
-from zipfile import BadZipFile, ZipFile
+from zipfile import BadZipFile
 
 import numpy as np
 
-from identification.recordings.errors import RecordingError, broken
+from identification.recordings.errors import RecordingError, damaged
 from identification.recordings.matlab import columns_of
-from identification.recordings.table import LARGEST
+from identification.recordings.table import require_unpacked_size
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -26,11 +26,7 @@ def read_npz(path: Path) -> Table:
         If the file is damaged, too large, or holds nothing that can be a signal.
     """
     try:
-        with ZipFile(path) as parts:
-            size = sum(part.file_size for part in parts.infolist())
-        if size > LARGEST:
-            rule = f"must be smaller than {LARGEST >> 20} MB"
-            raise broken(path.name, "file", rule, f"{size >> 20} MB", "Split the run.")
+        require_unpacked_size(path, "Split the run.")
         tree = {}
         with np.load(path, allow_pickle=False) as archive:
             for name in archive.files:
@@ -41,11 +37,9 @@ def read_npz(path: Path) -> Table:
                         raise
     except RecordingError:
         raise
-    # what a damaged file raises depends on the byte that is damaged
     except (OSError, EOFError, KeyError, TypeError, ValueError, MemoryError, BadZipFile, SyntaxError) as error:
-        got = " ".join(f"{type(error).__name__}: {error}".split())[:120]
         remedy = "Save it again with numpy.savez('run.npz', t=t, u=u, x1=x1, x2=x2)."
-        raise broken(path.name, "file", "must be a complete .npz file", got, remedy) from error
+        raise damaged(path.name, ".npz", error, remedy) from error
     return columns_of(tree, path.name)
 
 

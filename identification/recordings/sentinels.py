@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from identification.recordings.checks import FEWEST_LEVELS
+
 if TYPE_CHECKING:
     from flexdrive_gym.recording import FloatArray
 
-# times that it occurs at least, distance from all else over its range, and numbers that a signal which moves takes
-_TIMES, _APART, _LEVELS = 2, 5.0, 20
+# times that it occurs at least, and distance from all else over its range
+_TIMES, _APART = 2, 5.0
 
 
 def sentinel(values: FloatArray) -> float | None:
@@ -26,7 +28,7 @@ def sentinel(values: FloatArray) -> float | None:
         ndarray, shape (n,); may hold NaN.
     """
     found, times = np.unique(values[np.isfinite(values)], return_counts=True)
-    if found.size <= _LEVELS:
+    if found.size <= FEWEST_LEVELS:
         return None
     for odd, beside, last in ((0, 1, -1), (-1, -2, 0)):
         apart, span = abs(float(found[odd] - found[beside])), abs(float(found[beside] - found[last]))

@@ -6,10 +6,10 @@ import importlib.util
 from dataclasses import replace
 from datetime import date, datetime, time
 from typing import TYPE_CHECKING, Any
-from zipfile import BadZipFile, ZipFile
+from zipfile import BadZipFile
 
-from identification.recordings.errors import NotARecordingError, RecordingError, broken
-from identification.recordings.table import LARGEST
+from identification.recordings.errors import NotARecordingError, RecordingError, broken, damaged
+from identification.recordings.table import require_unpacked_size
 from identification.recordings.text import read_lines
 
 if TYPE_CHECKING:
@@ -55,10 +55,7 @@ def _sheets(path: Path) -> dict[str, list[str]]:
     import openpyxl  # noqa: PLC0415  (costs more to import than most files to read)
 
     try:
-        with ZipFile(path) as parts:
-            size = sum(part.file_size for part in parts.infolist())
-        if size > LARGEST:
-            raise broken(path.name, "file", f"must be smaller than {LARGEST >> 20} MB", f"{size >> 20} MB", _REMEDY)
+        require_unpacked_size(path, _REMEDY)
         book = openpyxl.load_workbook(path, read_only=True, data_only=True)
         try:
             return {
@@ -69,10 +66,8 @@ def _sheets(path: Path) -> dict[str, list[str]]:
             book.close()
     except RecordingError:
         raise
-    # what a damaged file raises depends on the part that is damaged
     except (OSError, ValueError, KeyError, TypeError, AttributeError, SyntaxError, BadZipFile) as error:
-        got = " ".join(f"{type(error).__name__}: {error}".split())[:120]
-        raise broken(path.name, "file", "must be a complete .xlsx file", got, _REMEDY) from error
+        raise damaged(path.name, ".xlsx", error, _REMEDY) from error
 
 
 def _text(cell: Any) -> str:

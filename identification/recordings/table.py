@@ -4,14 +4,30 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
+from zipfile import ZipFile
+
+from identification.recordings.errors import broken
 
 if TYPE_CHECKING:
     from datetime import datetime
+    from pathlib import Path
 
     from flexdrive_gym.recording import FloatArray
 
 LARGEST = 1 << 30
 """Bytes of numbers in one file that are read: a damaged header may declare any size."""
+
+
+def require_size(source: str, size: int, remedy: str) -> None:
+    """Refuse a file of more bytes of numbers than are read."""
+    if size > LARGEST:
+        raise broken(source, "file", f"must be smaller than {LARGEST >> 20} MB", f"{size >> 20} MB", remedy)
+
+
+def require_unpacked_size(path: Path, remedy: str) -> None:
+    """Refuse an archive that would unpack to more than is read."""
+    with ZipFile(path) as parts:
+        require_size(path.name, sum(part.file_size for part in parts.infolist()), remedy)
 
 
 @dataclass(frozen=True)

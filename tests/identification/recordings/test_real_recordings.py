@@ -1,11 +1,13 @@
 """What is known of the real rig's recordings: how they were driven, and where their encoders failed."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from identification.readiness.plausible import implausible
 from identification.recordings import RecordingError, read_recordings, write_recording
 from identification.recordings.rig import parse_rig
 from tests.each import each
@@ -197,3 +199,11 @@ def test_without_a_description_a_folder_says_what_to_write(shared_recordings):
     ):
         with pytest.raises(RecordingError, match=said):
             read_recordings(shared_recordings / folder, only=["*_1.*"])
+
+
+@each("rig", ["mte360_2022", "mte360_2025"])
+def test_exchanged_carts_are_told_from_those_that_are_not(shared_recordings, rig):
+    runs = read_recordings(shared_recordings / rig)
+    assert not implausible(runs)
+    exchanged = [replace(r, x1=r.x2, x2=r.x1, v1=r.v2, v2=r.v1) for r in runs]
+    assert "carts" in {item.kind for item in implausible(exchanged)}
