@@ -33,6 +33,7 @@ from identification.mismatch.fitting.thread_pool import ThreadPool
 from identification.mismatch.force.maps import draw_maps, harmonics, located
 from identification.mismatch.force.missing_force import missing_force
 from identification.mismatch.noise.simulator import Simulator
+from identification.mismatch.selection.detection import DetectionLimit
 from identification.mismatch.selection.optima import without
 from identification.mismatch.selection.output_error import needed, output_error, share_of_error
 from identification.mismatch.selection.ranking import Round, Scored, dispensable
@@ -158,7 +159,8 @@ class _Result:
     def _lasting(self) -> tuple[Fit, list[tuple[Scored, Round]]]:
         accepted, model = list(self.selection.accepted), self.selection.model
         while accepted:
-            last = output_error(self.bench, model, self.base)
+            own = [s.candidate for s, _ in accepted if isinstance(s.candidate, Candidate)]
+            last = output_error(self.bench, model, self.base, candidates=own)
             # a name that stands alone was asked in its round
             asked = dispensable([s for s, _ in accepted]) if len(self.selection.accepted) > 1 else []
             shares = self.pool.map(partial(share_of_error, best=last), asked)
@@ -224,9 +226,7 @@ class _Result:
                 seconds=0.0,
                 p_value=significance_of(self.selection.rounds[0]),
                 split=replace(split, estimation=tuple(self.runs)),
-                detection_limits=tuple(
-                    x for x in self.selection.rounds[-1].detection_limits if x.name not in {f.name for f in findings}
-                ),
+                detection_limits=self.detection_limits(findings),
                 notes=notes_of(drive, split, loops, self.bench.runs, units, self.selection),
                 maps=tuple(maps),
                 harmonics=tuple(harmonics(forces, self.runs)),
@@ -235,6 +235,11 @@ class _Result:
             ),
             units,
         )
+
+    def detection_limits(self, findings: Sequence[Finding]) -> tuple[DetectionLimit, ...]:
+        """Return below which size what is not named is not seen; nothing where unknown forces may hide anything."""
+        limits = () if self.selection.hiding else self.selection.rounds[-1].detection_limits
+        return tuple(x for x in limits if x.name not in {f.name for f in findings})
 
     def drive(self, best: Fit, step: Round) -> Drive:
         """Return a fit as a drive with its uncertainty under the noise of a round."""

@@ -48,6 +48,11 @@ def notes_of(
             f"{Named(*doubtful.name)} gains {doubtful.total:.2g} units of log-likelihood (p = {doubtful.p:.2g}), where p = "
             f"{selection.level:.2g} is asked for: it is not named"
         )
+    if selection.hiding is not None:
+        notes.append(
+            f"unknown forces on {selection.hiding} are nearly as large as they may be: something is left out that has no name, "
+            "and they may hide more, so it is not said how small an effect would not be seen"
+        )
     notes.extend(_loop_note(loops, unit, units) for unit in ("mm", "mm/s") if any(f.unit == unit for f in loops))
     spread = drive.run_to_run
     if spread is not None:

@@ -48,8 +48,9 @@ _MOST_OF_COMMAND, _MEAN_S = 0.1, 0.05
 _UNUSUAL = 2.0
 # between a block and a run [s]
 _TIMES_S = (0.005, 10.0)
-# share of the command that dry friction has at least, where the search begins
-_LEAST_LEVEL = 0.02
+# share of the command that dry friction has at least, where the search begins, and at most: forces as large as they may be are
+# unusual on a rig whose friction holds it most of the time, too
+_LEAST_LEVEL, _MOST_LEVEL = 0.02, _MOST_OF_COMMAND / (SLOW * _UNUSUAL)
 # standard deviation of the logarithms of these over rigs
 _BETWEEN_RIGS = 2.0
 # most evaluations of the likelihood per search, and the last radius of its trust region in logarithms: two per cent of an
@@ -222,6 +223,13 @@ def first_noise(bench: Bench, values: Values) -> Noise:
     return Noise(bench, dict(values), forces, np.ones(len(bench.runs)), bench.resting_with(values))
 
 
+def of_most(noise: Noise) -> FloatArray:
+    """Return unknown forces as shares of the largest that they may be, white and slow ones, shape (2, carts)."""
+    bench, own = noise.bench, noise.forces
+    most = Forces.of(np.full(5, np.inf), *_level(bench, noise.values))
+    return np.asarray(np.array([own.white, own.slow]) / np.array([most.white, most.slow]))[:, : bench.carts]
+
+
 def with_usual_forces(noise: Noise) -> Noise | None:
     """Return the noise with slow forces as a search for them begins; ``None`` where they are not much larger.
 
@@ -317,7 +325,8 @@ def damped(noise: Noise, found: Sequence[Direction]) -> Noise:
 def _level(bench: Bench, values: Values) -> tuple[float, float]:
     """Return the mean dry friction of the carts, and the rms command [V]."""
     command = float(np.sqrt(np.mean(np.concatenate([run.u for run in bench.runs]) ** 2)))
-    return max(float(np.mean([dry_level(values, c) for c in range(bench.carts)])), _LEAST_LEVEL * command), command
+    dry = float(np.mean([dry_level(values, c) for c in range(bench.carts)]))
+    return float(np.clip(dry, _LEAST_LEVEL * command, _MOST_LEVEL * command)), command
 
 
 def _likeliest(bench: Bench, near: Noise, rest: FloatArray, level: tuple[float, float], radius: float) -> Noise:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
+from identification.mismatch.candidates.catalogue import Candidate
 from identification.mismatch.fitting.bench import Bench
 from identification.mismatch.fitting.fit import Fit
 from identification.mismatch.fitting.levels import Levels
-from identification.mismatch.selection.output_error import held_first, needed, share_of_error
+from identification.mismatch.selection.output_error import held_first, needed, restarts, share_of_error
 from identification.mismatch.selection.ranking import MOST, Round, Scored, nameless
 
 # significant names that are asked after the first one
@@ -64,9 +66,12 @@ class Naming:
         return [s for s in scored if s.p <= self.level]
 
     def share(self, scored: Scored, base: Fit) -> float:
-        """Return the share of the squared output error that a name takes off, beside what was named before."""
-        best = scored.fit or base
-        return share_of_error(scored, held_first(self.bench, self._levels(scored, base), best.values, best.names))
+        """Return the share of the squared output error that a name takes off, beside what was named before, at its best."""
+        best, levels = scored.fit or base, self._levels(scored, base)
+        own = [scored.candidate] if isinstance(scored.candidate, Candidate) else []
+        starts = [best.values, *restarts(self.bench, best, own)]
+        fits = self.bench.pool.map(partial(held_first, self.bench, levels, names=best.names), starts)
+        return share_of_error(scored, min(fits, key=lambda f: f.cost))
 
     def beyond(self, scored: Scored, share: float, base: Fit, before: Fit) -> bool:
         """Whether a name takes more off the squared output error than the laws named before do not describe of theirs."""

@@ -19,26 +19,39 @@ from identification.mismatch.fitting.levels import Levels
 from identification.mismatch.fitting.score import bounded
 from identification.mismatch.selection.optima import without
 from identification.mismatch.selection.ranking import Scored
+from identification.mismatch.selection.start import hiding_starts
 from identification.mismatch.settings import Settings
 
 # of weights: errors that levels are taken from are those of a fit with the levels before
 _ROUNDS = 2
 
 
-def output_error(bench: Bench, near: Fit, *others: Fit) -> Fit:
+def output_error(bench: Bench, near: Fit, *others: Fit, candidates: Sequence[Candidate] = ()) -> Fit:
     """Return the optimum of the output error from another optimum of the same parameters.
 
     Parameters
     ----------
     others
         Models that it is to be held against: their levels count, too, and their parameters are another start.
+    candidates
+        Effects that it has: those that dry friction hides are fitted from their own starts, too.
     """
-    best = near
+    best, more = near, restarts(bench, near, candidates)
     for _ in range(_ROUNDS):
         levels = Levels.of(bench, best.residual, *(o.residual for o in others))
-        starts = [best.values, *({**best.values, **o.values} for o in others)]
+        starts = [best.values, *({**best.values, **o.values} for o in others), *more]
         best = min(bench.pool.map(partial(held_first, bench, levels, names=near.names), starts), key=lambda f: f.cost)
     return best
+
+
+def restarts(bench: Bench, near: Fit, candidates: Sequence[Candidate]) -> list[Values]:
+    """Return other starts of a fit that has effects which dry friction hides, from the friction that the two share.
+
+    Below breakaway nothing slides, and no slope leads from one share, or one length of bristles, to another.
+    """
+    plain = [n for n in near.names if "." not in n]
+    own = (c for c in candidates if c.takes and all(k in near.names for k in c.keys))
+    return [start for c in own for _, start in hiding_starts(bench, c, without(c, near.values, plain))]
 
 
 def held_first(bench: Bench, levels: Levels, start: Values, names: Sequence[str]) -> Fit:

@@ -12,7 +12,7 @@ from identification.mismatch.candidates.catalogue import Candidate, catalogue, l
 from identification.mismatch.fitting.bench import Bench, SingleArray, Values
 from identification.mismatch.fitting.fit import Fit, fit, gain_of
 from identification.mismatch.fitting.score import shared
-from identification.mismatch.noise.estimate import Noise, damped
+from identification.mismatch.noise.estimate import Noise, damped, of_most
 from identification.mismatch.noise.nuisance import Direction
 from identification.mismatch.noise.scatter import dispersed
 from identification.mismatch.selection.account import Account, sensitivities
@@ -40,6 +40,8 @@ from identification.mismatch.selection.start import Start, candidate_starts, far
 from identification.topology import Topology
 
 Say = Callable[[str], None]
+# share of the largest unknown forces that there may be, from which on they may hide anything
+_HIDING = 0.5
 
 
 def _absent(candidates: Sequence[Candidate], base: Fit) -> set[str]:
@@ -83,6 +85,12 @@ class Selection:
         last = self.rounds[-1]
         likely = [s for s in last.scored if s.p <= self.model.bench.settings.likely]
         return None if last.accepted else min(likely, key=lambda s: s.p, default=None)
+
+    @property
+    def hiding(self) -> str | None:
+        """Return the cart whose unknown forces are so large that they may hide anything, if there is one."""
+        forces = of_most(self.rounds[-1].noise).max(axis=0)
+        return f"cart {np.argmax(forces) + 1}" if forces.max() > _HIDING else None
 
 
 class Selector:

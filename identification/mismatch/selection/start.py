@@ -95,18 +95,29 @@ def candidate_starts(
     # a model without that friction is asked for it, too
     absent = {taken for c in hidden.values() for _, taken in c.takes if taken not in base.names}
     jobs += [(c, {**base.values, **c.start}) for c in candidates if any(c.keys == (taken,) for taken in absent)]
-    for candidate in hidden.values():
-        usual = replace(candidate, shapes=tuple((k, null_value(k)) for k, _ in candidate.shapes))
-        jobs += [(usual, _taking_over(usual, base.values, share)) for share in _TAKEN]
-        bends = compliance(linear.bench, candidate.where)
-        if bends > 0.0 and any(parameter(k).unit == "mm" for k, _ in candidate.shapes):
-            whole = _taking_over(usual, base.values, _TAKEN[0])
-            level = max(whole[key] for key, _ in candidate.takes)
-            found_length = tuple(
-                (k, float(np.clip(level * bends, parameter(k).lower, parameter(k).upper))) for k, _ in usual.shapes
-            )
-            seen = replace(candidate, shapes=found_length)
-            jobs.append((seen, _taking_over(seen, base.values, _TAKEN[0])))
+    jobs += [job for c in hidden.values() for job in hiding_starts(linear.bench, c, base.values)]
+    return jobs
+
+
+def hiding_starts(bench: Bench, candidate: Candidate, values: Values) -> list[Start]:
+    """Return starts of a candidate that a cart at rest hides: it has taken over some of the friction that hides it.
+
+    Parameters
+    ----------
+    values
+        Drive without it.
+    """
+    usual = replace(candidate, shapes=tuple((k, null_value(k)) for k, _ in candidate.shapes))
+    jobs: list[Start] = [(usual, _taking_over(usual, values, share)) for share in _TAKEN]
+    bends = compliance(bench, candidate.where)
+    if bends > 0.0 and any(parameter(k).unit == "mm" for k, _ in candidate.shapes):
+        whole = _taking_over(usual, values, _TAKEN[0])
+        level = max(whole[key] for key, _ in candidate.takes)
+        found_length = tuple(
+            (k, float(np.clip(level * bends, parameter(k).lower, parameter(k).upper))) for k, _ in usual.shapes
+        )
+        seen = replace(candidate, shapes=found_length)
+        jobs.append((seen, _taking_over(seen, values, _TAKEN[0])))
     return jobs
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from identification.mismatch.fitting.fit import fit
-from identification.mismatch.noise.estimate import estimate, first_noise, with_usual_forces
+from identification.mismatch.noise.estimate import estimate, first_noise, of_most, with_usual_forces
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import bench_of, data_set
 
@@ -32,6 +32,18 @@ def test_forces_at_the_most_they_may_be_are_made_small(bench):
     assert small is not None
     assert max(small.forces.slow) < 0.5 * max(most.forces.slow)
     assert small.forces.white == most.forces.white
+
+
+@pytest.mark.parametrize("level", [0.3, 3.0])
+def test_forces_at_the_most_they_may_be_are_unusual_however_large_friction_is(bench, level):
+    """A rig that friction holds most of the time hides a constant force in them as well."""
+    noise = first_noise(bench, {**RIG, "d1": level, "d2": level})
+    command = np.sqrt(np.mean(np.concatenate([run.u for run in bench.runs]) ** 2))
+    most = replace(noise, forces=replace(noise.forces, slow=(0.1 * command, 0.0)))
+    assert np.allclose(of_most(most)[1], (1.0, 0.0))
+    small = with_usual_forces(most)
+    assert small is not None
+    assert max(small.forces.slow) <= 0.5001 * max(most.forces.slow)
 
 
 def test_what_was_left_out_makes_a_residual_less_probable():

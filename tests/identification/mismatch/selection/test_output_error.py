@@ -10,7 +10,7 @@ from identification.mismatch.candidates.phases import Phase
 from identification.mismatch.fitting.fit import Coordinates, fit
 from identification.mismatch.fitting.levels import Levels
 from identification.mismatch.noise.nuisance import Direction
-from identification.mismatch.selection.output_error import held_first, needed, share_of_error
+from identification.mismatch.selection.output_error import held_first, needed, output_error, share_of_error
 from identification.mismatch.selection.ranking import Scored
 from identification.topology import TWO_CARTS
 from tests.drive.drives import RIG
@@ -39,6 +39,21 @@ def test_a_gap_is_not_closed_by_friction_of_the_wrong_size():
     assert held.cost <= 1.001 * at_once.cost
     assert abs(held.values["coupling_backlash.g"] - 0.6) < 0.1
     assert abs(held.values["d1"] / RIG["d1"] - 1.0) < 0.1
+
+
+def test_bristles_are_found_from_the_wrong_share_of_friction():
+    """Of 0.4 V of friction 0.35 V are of bristles; from where 0.12 V are, no slope leads there."""
+    bristles, own = "presliding.cart_1", {**RIG, "d1": 0.05}
+    effect = {f"{bristles}.fd": 0.35, f"{bristles}.xs": 0.1}
+    kinds = [("sine", 0.3, 1.0), ("sine", 0.35, 2.0), ("sine", 2.0, 1.0), ("square", 1.5, 0.8)]
+    candidate = next(c for c in catalogue(TWO_CARTS) if c.name == ("presliding", "cart_1"))
+    with bench_of(data_set(effect, kinds=kinds, rig=own)) as bench:
+        wrong = {**own, "d1": 0.32, f"{bristles}.fd": 0.12, f"{bristles}.xs": 0.44}
+        near = fit(bench, Levels.of(bench, bench.residual(wrong)), wrong, (*RIG, *effect))
+        stayed, found = output_error(bench, near), output_error(bench, near, candidates=[candidate])
+    assert found.values[f"{bristles}.fd"] == pytest.approx(0.35, rel=0.1)
+    assert found.values[f"{bristles}.xs"] == pytest.approx(0.1, rel=0.1)
+    assert np.sum(found.residual**2) < 0.5 * np.sum(stayed.residual**2)
 
 
 def test_a_ripple_with_a_phase_of_its_own_takes_off_what_its_amplitude_makes():

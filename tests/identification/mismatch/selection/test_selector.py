@@ -113,3 +113,10 @@ def test_a_speed_without_sign_adds_up_to_no_place():
     assert looked_for(wave, "encoder_1")
     assert looked_for(wave, "encoder_2", x2=np.zeros(3))
     assert looked_for(drag, "encoder_2")
+
+
+@pytest.mark.parametrize(("share", "where"), [(0.1, None), (0.6, "cart 2")])
+def test_forces_nearly_as_large_as_they_may_be_hide_more(monkeypatch, share, where):
+    monkeypatch.setattr(selector, "of_most", lambda _: np.array([[0.05, share], [0.0, 0.02]]))
+    selection = Selection((SimpleNamespace(noise=None),), None, None, (), (), LEVEL)
+    assert selection.hiding == where
