@@ -30,7 +30,7 @@ NOT_READ = (".xls", ".ods", ".tdms", ".npy", ".mf4", ".mdf", ".xz", ".bz2")
 
 LARGEST_NUMBER = 1e60
 
-__all__ = ["EXTENSIONS", "NOT_READ", "Series", "Table", "extension", "read_table"]
+__all__ = ["EXTENSIONS", "NOT_READ", "Series", "Table", "extension", "read_tables"]
 
 
 def extension(path: Path) -> str:
@@ -39,8 +39,8 @@ def extension(path: Path) -> str:
     return next((kind for kind in EXTENSIONS if kind.endswith(".gz") and name.endswith(kind)), path.suffix.lower())
 
 
-def read_table(path: Path) -> Table:
-    """Read one file.
+def read_tables(path: Path) -> list[Table]:
+    """Read one file, which holds one table, or several: a spreadsheet may have sheets.
 
     Parameters
     ----------
@@ -49,45 +49,54 @@ def read_table(path: Path) -> Table:
 
     Returns
     -------
-    Table
+    list of Table
+        At least one.
 
     Raises
     ------
     RecordingError
         If the extension is unknown, the file is damaged, or holds something other than numbers.
     """
+    return [
+        replace(
+            table,
+            series=tuple(replace(item, values=_sane(item.values)) for item in table.series),
+            recorded=table.recorded or date_of_name(path.name),
+        )
+        for table in _tables(path)
+    ]
+
+
+def _tables(path: Path) -> list[Table]:
     kind = extension(path)
     if kind in (".mat", *_HDF5):
         # scipy.io and h5py cost more time to import than a folder of text files takes to read
         from identification.recordings.matlab import read_matlab  # noqa: PLC0415
 
-        table = read_matlab(path)
-    elif kind == ".npz":
+        return [read_matlab(path)]
+    if kind == ".npz":
         from identification.recordings.numpy_file import read_npz  # noqa: PLC0415
 
-        table = read_npz(path)
-    elif kind == ".parquet":
-        table = _read_parquet(path)
-    elif kind == ".xlsx":
+        return [read_npz(path)]
+    if kind == ".parquet":
+        return [_read_parquet(path)]
+    if kind == ".xlsx":
         from identification.recordings.spreadsheet import read_spreadsheet  # noqa: PLC0415
 
-        table = read_spreadsheet(path)
-    elif kind in EXTENSIONS:
+        return read_spreadsheet(path)
+    if kind in EXTENSIONS:
         from identification.recordings.text import read_text  # noqa: PLC0415  (imports pandas)
 
-        table = read_text(path)
-    else:
-        near = difflib.get_close_matches(kind, EXTENSIONS, n=1, cutoff=0.6)
-        hint = f"Did you mean {near[0]}? " if near else ""
-        raise broken(
-            path.name,
-            "extension",
-            f"must be one of {', '.join((*_TEXT, *_OTHERS))}",
-            kind or "none",
-            f"{hint}Export the log as .csv with a header line such as t_s,u_V,v1_mm_s,v2_mm_s.",
-        )
-    series = tuple(replace(item, values=_sane(item.values)) for item in table.series)
-    return replace(table, series=series, recorded=table.recorded or date_of_name(path.name))
+        return [read_text(path)]
+    near = difflib.get_close_matches(kind, EXTENSIONS, n=1, cutoff=0.6)
+    hint = f"Did you mean {near[0]}? " if near else ""
+    raise broken(
+        path.name,
+        "extension",
+        f"must be one of {', '.join((*_TEXT, *_OTHERS))}",
+        kind or "none",
+        f"{hint}Export the log as .csv with a header line such as t_s,u_V,v1_mm_s,v2_mm_s.",
+    )
 
 
 def _sane(values: FloatArray) -> FloatArray:

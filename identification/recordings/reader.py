@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +16,7 @@ from identification.recordings.copies import find_copies
 from identification.recordings.dates import seconds_of_stamps
 from identification.recordings.errors import NotARecordingError, RecordingError, broken
 from identification.recordings.faults import find_faults, missing_samples
-from identification.recordings.files import read_table
+from identification.recordings.files import read_tables
 from identification.recordings.folders import collect, short_names, wanted
 from identification.recordings.parsed import Parsed
 from identification.recordings.quantum import encoder_quantum, velocity_cutoff
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 
     from flexdrive_gym.recording import FloatArray
     from identification.recordings.rig import FileRule
+    from identification.recordings.table import Table
 
 MOST_REASONS = 20  # lines of a listing on a terminal
 COUNTED = 1e-6  # by which counts that were converted and back may miss whole numbers
@@ -205,11 +207,33 @@ def _attempt(file: _File) -> list[Parsed] | RecordingError:
 
 
 def _parse(file: _File) -> list[Parsed]:
-    """Read one file and put its signals on a uniform time base, in the rig's units; one item for every experiment in it."""
-    source, rig = file.path.name, file.rig
+    """Read one file; one item for every experiment in it. Of several sheets those are left out that are no recordings."""
     if file.rule is not None and not file.rule.use:
-        raise NotARecordingError(f"{source}: left out by rig.toml")
-    table = read_table(file.path)
+        raise NotARecordingError(f"{file.path.name}: left out by rig.toml")
+    sheets: list[tuple[str, list[Parsed]]] = []
+    left_out: list[tuple[str, RecordingError]] = []
+    for table in read_tables(file.path):
+        try:
+            sheets.append((table.part, _of_table(file, table)))
+        except RecordingError as error:
+            left_out.append((table.part, error))
+    if not sheets:
+        raise left_out[0][1]
+    notes = [f"warning: sheet '{n}' is left out: {str(e).removeprefix(f'{file.path.name}: ')}" for n, e in left_out]
+    if len(sheets) == 1:
+        return [replace(p, notes=(*p.notes, *notes)) for p in sheets[0][1]]
+    titles = [re.sub(r"\W+", "_", title).strip("_") for title, _ in sheets]
+    found = []
+    for k, (title, (sheet, items)) in enumerate(zip(titles, sheets, strict=True), 1):
+        name = f"{file.name}_{title if titles.count(title) == 1 else k}"
+        said = (f"sheet '{sheet}' of {file.source}", *notes)
+        found += [replace(p, name=name + p.name.removeprefix(file.name), notes=(*said, *p.notes)) for p in items]
+    return found
+
+
+def _of_table(file: _File, table: Table) -> list[Parsed]:
+    """Put the signals of a table on a uniform time base, in the rig's units; one item for every experiment in it."""
+    source, rig = file.path.name, file.rig
     roles = find_roles(table, rig, source)
     signals, mended = _mended(roles.signals, roles.factors)
     t, recorded, dated = seconds_of_stamps(signals.pop("t"), roles.unit)

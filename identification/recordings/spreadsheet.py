@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 _REMEDY = "Export the log as .csv."
 
 
-def read_spreadsheet(path: Path) -> Table:
-    """Read the first sheet of an ``.xlsx`` file that holds columns of numbers.
+def read_spreadsheet(path: Path) -> list[Table]:
+    """Read the sheets of an ``.xlsx`` file that hold columns of numbers, each with its title if there are several.
 
     Raises
     ------
@@ -33,21 +33,16 @@ def read_spreadsheet(path: Path) -> Table:
     if importlib.util.find_spec("openpyxl") is None:
         remedy = "Run 'pip install openpyxl', or export the log as .csv."
         raise broken(path.name, "file", "needs the package openpyxl", "none", remedy)
-    found: list[tuple[str, Table]] = []
+    found: list[Table] = []
     errors: list[RecordingError] = []
-    for name, lines in _sheets(path).items():
+    for title, lines in _sheets(path).items():
         try:
-            found.append((name, read_lines(lines, path.name)))
+            found.append(replace(read_lines(lines, path.name), part=title))
         except RecordingError as error:
             errors.append(error)
     if not found:
         raise errors[0] if errors else NotARecordingError(f"{path.name}: no sheets")
-    (name, table), *others = found
-    if not others:
-        return table
-    rest = ", ".join(other for other, _ in others[:3])
-    note = f"warning: of {len(found)} sheets with numbers '{name}' is read. Save {rest} as files of their own"
-    return replace(table, notes=(*table.notes, note))
+    return found if len(found) > 1 else [replace(found[0], part="")]
 
 
 def _sheets(path: Path) -> dict[str, list[str]]:

@@ -81,6 +81,8 @@ class Table:
         When the file says it was recorded.
     in_lines
         Whether what stands in one line belongs to one instant, as in text; vectors of a workspace may be of several loggers.
+    part
+        Title of the sheet, where a file holds several tables; else empty.
     """
 
     series: tuple[Series, ...]
@@ -89,6 +91,7 @@ class Table:
     remarks: tuple[str, ...] = ()
     recorded: datetime | None = None
     in_lines: bool = True
+    part: str = ""
 
     @property
     def labels(self) -> tuple[str, ...]:

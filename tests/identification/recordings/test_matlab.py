@@ -7,7 +7,7 @@ import pytest
 import scipy.io
 
 from identification.recordings import RecordingError
-from identification.recordings.files import read_table
+from identification.recordings.files import read_tables
 from identification.recordings.rig import Rig, parse_rig
 from identification.recordings.roles import find_roles
 from tests.each import each
@@ -33,7 +33,7 @@ def structs(*entries):
 
 
 def roles(path, rig=""):
-    return find_roles(read_table(path), parse_rig(rig) if rig else Rig(), path.name)
+    return find_roles(read_tables(path)[0], parse_rig(rig) if rig else Rig(), path.name)
 
 
 def read(path, names=("t", "u", "v1"), values=(T, U, V), rig=""):
@@ -206,8 +206,8 @@ def test_the_date_stands_in_the_header(tmp_path):
     text = bytearray((tmp_path / "a.mat").read_bytes())
     text[:116] = b"MATLAB 5.0 MAT-file, Platform: PCWIN64, Created on: Mon Nov 10 11:35:04 2025".ljust(116)
     (tmp_path / "a.mat").write_bytes(text)
-    assert read_table(tmp_path / "a.mat").recorded == datetime(2025, 11, 10, 11, 35, 4)
-    assert read_table(tmp_path / "2025-11-20_11-21.mat").recorded == datetime(2025, 11, 20, 11, 21)
+    assert read_tables(tmp_path / "a.mat")[0].recorded == datetime(2025, 11, 10, 11, 35, 4)
+    assert read_tables(tmp_path / "2025-11-20_11-21.mat")[0].recorded == datetime(2025, 11, 20, 11, 21)
 
 
 def test_a_header_that_declares_gigabytes_is_refused_before_they_are_allocated(tmp_path):
@@ -216,20 +216,20 @@ def test_a_header_that_declares_gigabytes_is_refused_before_they_are_allocated(t
     data[4:12] = struct.pack("<2i", 1 << 20, 1 << 20)
     (tmp_path / "a.mat").write_bytes(data)
     with pytest.raises(RecordingError, match="must be a complete MATLAB file; got ValueError: a variable of 1048576"):
-        read_table(tmp_path / "a.mat")
+        read_tables(tmp_path / "a.mat")[0]
     scipy.io.savemat(tmp_path / "b.mat", {"c": cells("a", "b")})
     data = bytearray((tmp_path / "b.mat").read_bytes())
     where = data.index(struct.pack("<2i", 1, 2))
     data[where : where + 8] = struct.pack("<2i", 1 << 30, 2)
     (tmp_path / "b.mat").write_bytes(data)
     with pytest.raises(RecordingError, match="2147483648 × 1 entries"):
-        read_table(tmp_path / "b.mat")
+        read_tables(tmp_path / "b.mat")[0]
 
 
 def test_file_without_signals(tmp_path):
     scipy.io.savemat(tmp_path / "a.mat", {"Kp": 3.0, "note": "hello"})
     with pytest.raises(RecordingError, match="must hold vectors.*got variables Kp, note.*save\\('run.mat'"):
-        read_table(tmp_path / "a.mat")
+        read_tables(tmp_path / "a.mat")[0]
 
 
 @each("size", [0, 60, 200, 2000])
@@ -238,7 +238,7 @@ def test_truncated_file(tmp_path, size):
     scipy.io.savemat(path, {"t": T, "u": U, "v1": V})
     path.write_bytes(path.read_bytes()[:size])
     with pytest.raises(RecordingError, match=r"a.mat: file: must be a complete MATLAB file.*'-v7'"):
-        read_table(path)
+        read_tables(path)[0]
 
 
 class TestHdf5:
@@ -337,7 +337,7 @@ class TestHdf5:
         opaque.attrs["MATLAB_object_decode"] = 3
         file.close()
         with pytest.raises(RecordingError, match="variable ts is an object .* save its Time, Data and Name"):
-            read_table(tmp_path / "a.mat")
+            read_tables(tmp_path / "a.mat")[0]
 
     def test_truncated(self, file, tmp_path):
         self.number(file, "t", T)
@@ -345,4 +345,4 @@ class TestHdf5:
         path = tmp_path / "a.mat"
         path.write_bytes(path.read_bytes()[:1500])
         with pytest.raises(RecordingError, match="must be a complete MATLAB file"):
-            read_table(path)
+            read_tables(path)[0]
