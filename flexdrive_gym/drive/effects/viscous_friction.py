@@ -15,7 +15,7 @@ EFFECT = Effect(
     id="viscous_friction",
     where=("cart_1", "cart_2"),
     equation="F = -b·v",
-    parameters=(Parameter("b", "V s/mm", 0.0, 0.0, 1.0, "viscous damping", (0.005,)),),
+    parameters=(Parameter("b", "V s/mm", 0.0, 0.0, 1e3, "viscous damping", (0.005,)),),
     hooks={"damping": _damping},
     tells_itself_by="steady velocity proportional to u; the real pole -p",
     looks_like=("quadratic_drag", "stribeck"),
