@@ -282,8 +282,9 @@ class _Result:
         return output_error(self.bench, found, before)
 
     def finding(self, scored: Scored, step: Round, drive: Drive, before: Fit, after: Fit) -> Finding:
-        """Return an accepted candidate with what speaks for it."""
-        ties = step.ties()
+        """Return an accepted candidate with what speaks for it; what is named beside it is no tie."""
+        beside = {s.name for s, _ in self.accepted}
+        ties = [t for t in step.ties() if t.name not in beside]
         judged = self.split.report or self.runs
         compared = [scored, *(t for t in ties if t.fit is not None)]
         return Finding(

@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 from functools import cache
+from importlib import import_module
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -88,6 +90,22 @@ def test_what_no_simulation_needs_is_no_finding(monkeypatch):
     found = diagnose(_runs("ground_spring"), settings=ONE_ROUND, jobs=1)
     assert [f.id for f in found.findings] == ["ground_spring"]
     assert play not in found.drive.values
+
+
+def test_what_is_named_beside_a_finding_is_no_tie(monkeypatch):
+    module = import_module("identification.mismatch.diagnose")
+    for name, value in {"velocity_rms": 1.0, "share_of": 0.5, "significance_of": 0.004, "_estimates": {}}.items():
+        monkeypatch.setattr(module, name, lambda *_, value=value: value)
+    tilt, bristles, asymmetry = (
+        SimpleNamespace(name=name, fit=None, candidate=None)
+        for name in (("tilt", "guide"), ("presliding", "cart_1"), ("coulomb_asymmetry", "cart_1"))
+    )
+    step, drive = SimpleNamespace(ties=lambda: [bristles, asymmetry]), SimpleNamespace(values={})
+    found = SimpleNamespace(
+        accepted=[(tilt, step), (bristles, step)], split=SimpleNamespace(report=()), runs=(), pool=None
+    )
+    finding = module._Result.finding(found, tilt, step, drive, drive, drive)
+    assert [tie.id for tie in finding.ties] == ["coulomb_asymmetry"]
 
 
 def test_a_look_alike_is_fitted_before_the_leader_is_named(monkeypatch):
