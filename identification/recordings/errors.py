@@ -47,3 +47,8 @@ def damaged(source: str, kind: str, error: Exception, remedy: str) -> RecordingE
 
 class NotARecordingError(RecordingError):
     """A readable file that is no recording, such as a reference trajectory or notes: left out without alarm."""
+
+
+def left_out(source: str, sheet: str, error: RecordingError) -> str:
+    """Return the note that a sheet of a file is no recording, with the reason."""
+    return f"warning: sheet '{sheet}' is left out: {str(error).removeprefix(f'{source}: ')}"

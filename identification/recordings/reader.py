@@ -14,7 +14,7 @@ from flexdrive_gym.units import Units
 from identification.recordings.checks import check_excitation, check_units, scale_warnings
 from identification.recordings.copies import find_copies
 from identification.recordings.dates import seconds_of_stamps
-from identification.recordings.errors import NotARecordingError, RecordingError, broken
+from identification.recordings.errors import NotARecordingError, RecordingError, broken, left_out
 from identification.recordings.faults import find_faults, missing_samples
 from identification.recordings.files import read_tables
 from identification.recordings.folders import collect, short_names, wanted
@@ -124,7 +124,10 @@ def read_recordings(
             errors.append(error)
             skipped[item.name] = Skipped(item.source, str(error).removeprefix(f"{item.source}: "))
     for copy, original in find_copies([item for item in parsed if item.name in sound]):
-        skipped[copy.name] = Skipped(copy.source, f"the same run as {original.source}")
+        # of one file its parts are told apart by their names
+        same = copy.source == original.source
+        reason = f"{copy.name} is the same run as {original.name}" if same else f"the same run as {original.source}"
+        skipped[copy.name] = Skipped(copy.source, reason)
         del sound[copy.name]
     recordings = list(sound.values())
     if not recordings:
@@ -211,22 +214,31 @@ def _parse(file: _File) -> list[Parsed]:
     if file.rule is not None and not file.rule.use:
         raise NotARecordingError(f"{file.path.name}: left out by rig.toml")
     sheets: list[tuple[str, list[Parsed]]] = []
-    left_out: list[tuple[str, RecordingError]] = []
+    errors: dict[str, RecordingError] = {}
     for table in read_tables(file.path):
         try:
             sheets.append((table.part, _of_table(file, table)))
         except RecordingError as error:
-            left_out.append((table.part, error))
+            errors[table.part] = error
     if not sheets:
-        raise left_out[0][1]
-    notes = [f"warning: sheet '{n}' is left out: {str(e).removeprefix(f'{file.path.name}: ')}" for n, e in left_out]
+        raise next(iter(errors.values()))
+    notes = [left_out(file.path.name, sheet, error) for sheet, error in errors.items()]
     if len(sheets) == 1:
         return [replace(p, notes=(*p.notes, *notes)) for p in sheets[0][1]]
-    titles = [re.sub(r"\W+", "_", title).strip("_") for title, _ in sheets]
+    titles = [re.sub(r"\W+", "_", sheet).strip("_") for sheet, _ in sheets]
+    named = _of_sheets(file, dict(zip(titles, sheets, strict=True)), notes)
+    if "" not in titles and len({p.name for p in named}) == sum(len(items) for _, items in sheets):
+        return named
+    # titles that would give two recordings one name are no names
+    return _of_sheets(file, {str(k): sheet for k, sheet in enumerate(sheets, 1)}, notes)
+
+
+def _of_sheets(file: _File, sheets: Mapping[str, tuple[str, list[Parsed]]], notes: Sequence[str]) -> list[Parsed]:
+    """Return the recordings of all sheets, with what tells these apart in their names."""
     found = []
-    for k, (title, (sheet, items)) in enumerate(zip(titles, sheets, strict=True), 1):
-        name = f"{file.name}_{title if titles.count(title) == 1 else k}"
+    for which, (sheet, items) in sheets.items():
         said = (f"sheet '{sheet}' of {file.source}", *notes)
+        name = f"{file.name}_{which}"
         found += [replace(p, name=name + p.name.removeprefix(file.name), notes=(*said, *p.notes)) for p in items]
     return found
 

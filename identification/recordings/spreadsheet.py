@@ -8,7 +8,7 @@ from datetime import date, datetime, time
 from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
 
-from identification.recordings.errors import NotARecordingError, RecordingError, broken, damaged
+from identification.recordings.errors import NotARecordingError, RecordingError, broken, damaged, left_out
 from identification.recordings.table import require_unpacked_size
 from identification.recordings.text import read_lines
 
@@ -34,15 +34,18 @@ def read_spreadsheet(path: Path) -> list[Table]:
         remedy = "Run 'pip install openpyxl', or export the log as .csv."
         raise broken(path.name, "file", "needs the package openpyxl", "none", remedy)
     found: list[Table] = []
-    errors: list[RecordingError] = []
+    errors: dict[str, RecordingError] = {}
     for title, lines in _sheets(path).items():
         try:
             found.append(replace(read_lines(lines, path.name), part=title))
         except RecordingError as error:
-            errors.append(error)
+            errors[title] = error
     if not found:
-        raise errors[0] if errors else NotARecordingError(f"{path.name}: no sheets")
-    return found if len(found) > 1 else [replace(found[0], part="")]
+        raise next(iter(errors.values()), NotARecordingError(f"{path.name}: no sheets"))
+    # sheets of words are none, sheets of numbers with an error may be
+    notes = [left_out(path.name, n, e) for n, e in errors.items() if not isinstance(e, NotARecordingError)]
+    several = len(found) > 1
+    return [replace(table, notes=(*table.notes, *notes), part=table.part if several else "") for table in found]
 
 
 def _sheets(path: Path) -> dict[str, list[str]]:
@@ -53,10 +56,11 @@ def _sheets(path: Path) -> dict[str, list[str]]:
         require_unpacked_size(path, _REMEDY)
         book = openpyxl.load_workbook(path, read_only=True, data_only=True)
         try:
-            return {
+            lines = {
                 sheet.title: ["\t".join(map(_text, row)) for row in sheet.iter_rows(values_only=True)]
                 for sheet in book.worksheets
             }
+            return {title: own for title, own in lines.items() if any(line.strip() for line in own)}
         finally:
             book.close()
     except RecordingError:

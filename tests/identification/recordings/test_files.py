@@ -324,18 +324,36 @@ def test_every_sheet_with_numbers_is_a_table(tmp_path, log):
     assert all(t.labels == tuple(log) for t in tables)
 
 
-@each("sheets", [("run 1", "run 2"), ("run 1",), ("run-1", "run 1")])
+@each("sheets", [("run 1", "run 2"), ("run 1",), ("run-1", "run 1"), ("2", "a b", "a_b")])
 def test_every_sheet_that_is_a_recording_is_one(tmp_path, log, sheets):
     """A sheet of numbers that is none is left out with its reason, and does not change a name."""
     logs = [{n: (1.0 if n == "t_s" else k + 1.0) * np.asarray(v) for n, v in log.items()} for k in range(len(sheets))]
     runs = {n: [list(own), *zip(*own.values(), strict=True)] for n, own in zip(sheets, logs, strict=True)}
     path = workbook(tmp_path / "a.xlsx", masses=[["m1", "m2"], [0.5, 0.3], [0.5, 0.3], [0.5, 0.3]], **runs)
     found = read_recordings(path)
-    names = {("run 1", "run 2"): ["a_run_1", "a_run_2"], ("run 1",): ["a"]}.get(sheets, ["a_1", "a_2"])
+    names = {("run 1", "run 2"): ["a_run_1", "a_run_2"], ("run 1",): ["a"]}.get(
+        sheets, ["a_1", "a_2", "a_3"][: len(sheets)]
+    )
     assert [r.name for r in found] == names
     for r, own in zip(found, logs, strict=True):
         np.testing.assert_allclose(r.in_rig_units().u, own["u_V"], rtol=1e-12)
         assert any(note.startswith("warning: sheet 'masses' is left out: ") for note in r.notes)
+
+
+def test_a_sheet_with_a_cell_that_is_no_number_is_said_to_be_left_out(tmp_path, log):
+    rows = [list(log), *zip(*log.values(), strict=True)]
+    bad = [*rows[:50], ("t", *rows[50][1:-1], "2 ??"), *rows[51:]]
+    (table,) = read_tables(workbook(tmp_path / "a.xlsx", good=rows, bad=bad, empty=[], words=[["what", "why"]]))
+    (note,) = table.notes
+    assert note.startswith("warning: sheet 'bad' is left out: column ")
+    assert "2 ??" in note or "'t'" in note
+
+
+def test_a_sheet_that_repeats_another_is_named(tmp_path, log):
+    rows = [list(log), *zip(*log.values(), strict=True)]
+    found = read_recordings(workbook(tmp_path / "a.xlsx", one=rows, two=rows))
+    assert [r.name for r in found] == ["a_one"]
+    assert [s.reason for s in found.skipped] == ["a_two is the same run as a_one"]
 
 
 def test_a_spreadsheet_needs_its_package(tmp_path, monkeypatch):
