@@ -159,8 +159,7 @@ class _Result:
     def _lasting(self) -> tuple[Fit, list[tuple[Scored, Round]]]:
         accepted, model = list(self.selection.accepted), self.selection.model
         while accepted:
-            own = [s.candidate for s, _ in accepted if isinstance(s.candidate, Candidate)]
-            last = output_error(self.bench, model, self.base, candidates=own)
+            last = self._by_output_error(model, self.base)
             # a name that stands alone was asked in its round
             asked = dispensable([s for s, _ in accepted]) if len(self.selection.accepted) > 1 else []
             shares = self.pool.map(partial(share_of_error, best=last), asked)
@@ -279,7 +278,12 @@ class _Result:
         if len(names) < len(found.names):
             values = {k: v for k, v in found.values.items() if k in names or k not in found.names}
             found = fit(self.bench, step.noise, values, names)
-        return output_error(self.bench, found, before)
+        return self._by_output_error(found, before)
+
+    def _by_output_error(self, model: Fit, other: Fit) -> Fit:
+        """Return the optimum of the output error of a model with some of what was accepted, held against another."""
+        own = [s.candidate for s, _ in self.selection.accepted if isinstance(s.candidate, Candidate)]
+        return output_error(self.bench, model, other, candidates=own)
 
     def finding(self, scored: Scored, step: Round, drive: Drive, before: Fit, after: Fit) -> Finding:
         """Return an accepted candidate with what speaks for it; what is named beside it is no tie."""

@@ -50,7 +50,7 @@ def notes_of(
         )
     if selection.hiding is not None:
         notes.append(
-            f"unknown forces on {selection.hiding} are nearly as large as they may be: something is left out that has no name, "
+            f"unknown forces on {selection.hiding} are more than half of what they may be: something without a name is left out, "
             "and they may hide more, so it is not said how small an effect would not be seen"
         )
     notes.extend(_loop_note(loops, unit, units) for unit in ("mm", "mm/s") if any(f.unit == unit for f in loops))
