@@ -9,6 +9,7 @@ import ast
 import hashlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal, Protocol
@@ -35,14 +36,23 @@ def code_digest(packages: Sequence[str]) -> str:
 
     What a comment or a docstring says is no code, nor how lines are broken. Every version of Python finds the same.
     """
-    code = hashlib.sha256()
+    files = []
     for package in packages:
         spec = find_spec(package)
         assert spec is not None
         assert spec.origin is not None
         file = Path(spec.origin)
-        for path in sorted(file.parent.rglob("*.py")) if file.name == "__init__.py" else [file]:
-            code.update(f"{path.name}\n{_said(ast.parse(path.read_text(encoding='utf-8')))}\n".encode())
+        own = sorted(file.parent.rglob("*.py")) if file.name == "__init__.py" else [file]
+        files += [(path.name, path.read_text(encoding="utf-8")) for path in own]
+    return _digest(tuple(files))
+
+
+@cache
+def _digest(files: tuple[tuple[str, str], ...]) -> str:
+    """Return the digest of modules by their names and texts; to parse them all takes seconds."""
+    code = hashlib.sha256()
+    for name, text in files:
+        code.update(f"{name}\n{_said(ast.parse(text))}\n".encode())
     return code.hexdigest()[:12]
 
 
