@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from contextlib import chdir, redirect_stderr, redirect_stdout
+from importlib import import_module
 from importlib.resources import files
 from io import StringIO
 from unittest import mock
@@ -19,7 +20,7 @@ from flexdrive_gym import Drive, load_drive, save_drive
 from identification import write_recording
 from tests.drive.drives import RIG
 from tests.each import each
-from tests.identification.mismatch.lab import KINDS, T, data_set
+from tests.identification.mismatch.lab import KINDS, ONE_ROUND, T, data_set
 
 COMMANDS = [command.callback.__name__ for command in app.registered_commands]
 
@@ -106,9 +107,14 @@ def test_a_missing_file_is_named_and_nothing_is_written(command, tmp_path):
         ("identify", ["recordings", "-o", "out/drive.toml"]),
         ("identify", ["recordings", "--method", "handout", "-o", "out/handout.toml"]),
         ("validate", ["drive.toml", "recordings"]),
-        ("stability", ["drive.toml", "-o", "out", "--draws", "5"]),
+        ("stability", ["drive.toml", "--draws", "5"]),
+        pytest.param("stability", ["drive.toml", "-o", "out", "--draws", "5"], marks=pytest.mark.slow),
         pytest.param("design", ["drive.toml", "-o", "out"], marks=pytest.mark.slow),
-        ("compare", ["drive.toml", "-o", "out", "-c", "p_x1,p_x2", "-a", "none", "-r", "sine", "--no-effects"]),
+        pytest.param(
+            "compare",
+            ["drive.toml", "-o", "out", "-c", "p_x1,p_x2", "-a", "none", "-r", "sine", "--no-effects"],
+            marks=pytest.mark.slow,
+        ),
         ("experiment", ["drive.toml", "-o", "out/day", "--frequency", "1", "--square", "1.5"]),
         ("export", ["drive.toml", "--to", "matlab", "-o", "out"]),
     ],
@@ -127,7 +133,7 @@ def test_json_is_one_object(folder, command, arguments):
             # a drive.toml that nothing was identified for has no intervals, and knows of no recordings
             assert found[x]["critical_gain_simulated_ci95"] is None
             assert found[x]["extrapolated"] is None
-    if command in {"stability", "design", "compare"}:
+    if command in {"stability", "design", "compare"} and "-o" in arguments:
         page = (folder / "out" / f"{command}.html").read_text()
         assert not re.findall(r"""(?:src|href)=["'](?!data:|#)""", page)  # self-contained
         assert "<img" in page
@@ -187,7 +193,9 @@ def diagnosed(tmp_path_factory):
         write_recording(run, base / "recordings" / f"{run.name}.csv")
     (base / "out").mkdir()
     (base / "out" / "suggest_1_sine_1V_1Hz.csv").write_text("of an earlier diagnosis")
-    return base, flexdrive("diagnose", "recordings", "-o", "out", "--json", "--suggest", cwd=base)
+    module = import_module("identification.mismatch.diagnose")
+    with mock.patch.object(module, "Settings", return_value=ONE_ROUND):
+        return base, flexdrive("diagnose", "recordings", "-o", "out", "--json", "--suggest", cwd=base)
 
 
 def test_diagnose_prints_what_it_writes(diagnosed):

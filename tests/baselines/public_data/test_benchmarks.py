@@ -52,10 +52,12 @@ def names(result):
     return {rung.name for rung in result.ladder[1:-1]}
 
 
+@pytest.mark.slow
 def test_a_carriage_shows_dry_friction(carriage):
     assert "coulomb_friction@cart_1" in names(carriage)
 
 
+@pytest.mark.slow
 def test_a_carriage_shows_a_constant_force(carriage):
     # from one cart a constant force on the command is one on the guide, and while moving one in the friction
     assert names(carriage) & {"input_offset@actuator", "tilt@guide", "coulomb_asymmetry@cart_1"}
@@ -76,6 +78,7 @@ def test_a_constant_force_is_found_whatever_moves_a_carriage_makes(tmp_path, see
         assert found.drive[name] == pytest.approx(CARRIAGE[name], rel=0.02)
 
 
+@pytest.mark.slow
 def test_the_ladder_is_scored_in_every_part(carriage):
     first, last = carriage.ladder[0], carriage.ladder[-1]
     assert last.name == AVERAGE
@@ -90,12 +93,14 @@ def test_the_ladder_is_scored_in_every_part(carriage):
     assert sum(m["weight"] for m in found["final"][-1]["members"]) == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_friction_that_does_not_differ_makes_no_score(carriage):
     # the stand-in's friction is the same throughout, so what differs between its blocks is the fit's own uncertainty
     (low, middle, high) = carriage.friction["test"]
     assert 0.0 <= low <= middle <= high < 0.5
 
 
+@pytest.mark.slow
 def test_the_command_prints_what_it_writes(written):
     result, folder, printed = written
     found = json.loads(printed)
@@ -108,11 +113,13 @@ def test_the_command_prints_what_it_writes(written):
     assert (lost["start_s"], lost["end_s"]) == pytest.approx((2.0, 2.004))
 
 
+@pytest.mark.slow
 def test_what_was_not_tested_has_no_score(carriage):
     fitted = replace(carriage, scores=tuple(s for s in carriage.scores if s.part == "fitted"))
     assert plain(fitted.as_json())["final"][0]["test"] == {"EMPS": None}
 
 
+@pytest.mark.slow
 def test_the_picture_shows_every_rung_and_the_published_levels(carriage):
     axes, tested = draw_ladder(carriage).axes
     assert len(axes.get_xticklabels()) == len(carriage.ladder)
@@ -183,6 +190,7 @@ def test_a_file_without_the_columns_is_named(tmp_path):
         BENCHMARKS["silverbox"].read(tmp_path / "train.csv")
 
 
+@pytest.mark.slow
 def test_times_of_faults_are_the_rigs(carriage):
     fault = Fault("train", "encoder_1", "missing_samples", 3.0, 6.0)
     slow = replace(

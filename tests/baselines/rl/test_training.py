@@ -13,7 +13,9 @@ import pytest
 pytest.importorskip("stable_baselines3", reason="needs the extra rl")
 
 import torch
+from typer.testing import CliRunner
 
+from baselines.cli import app
 from baselines.cli.train import compared, sentence
 from baselines.rl.agents import Agent, load_agent
 from baselines.rl.checkpoints import read_checkpoint
@@ -299,11 +301,9 @@ def test_the_command_refuses_what_it_cannot_do(tmp_path):
 
 
 def test_the_command_prints_what_it_found(tmp_path):
-    done = subprocess.run(
-        [sys.executable, "-m", "baselines.cli", "train", "-o", "out", "--steps", "256", "--envs", "8", "--json"],
-        cwd=tmp_path, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    arguments = ["train", "-o", str(tmp_path / "out"), "--steps", "256", "--envs", "8", "--json"]
+    done = CliRunner().invoke(app, arguments)
+    assert done.exit_code == 0, done.output
     found = json.loads(done.stdout)
     assert found["card"]["plan"]["envs"] == 8
     assert found["card"]["score"]["rms_mm_handout"] > 1.0

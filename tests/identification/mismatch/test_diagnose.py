@@ -13,14 +13,15 @@ from identification.mismatch.fitting.fit import fit
 from identification.mismatch.selection.naming import Naming
 from identification.mismatch.selection.selector import Selector
 from identification.recordings import RecordingSet, Rig
-from tests.identification.mismatch.lab import QUICK, data_set
+from tests.identification.mismatch.lab import ONE_ROUND, QUICK, data_set
 
-# what is asked here does not depend on how far many candidates are fitted
-ONE_ROUND = replace(QUICK, rounds=1, proposals=2, finished=1)
 EFFECTS = {
     "ground_spring": {"ground_spring.kg": 0.05},
     "input_delay": {"input_delay.tau": 0.006},
 }
+# one of them in all tests
+PLAIN = ["ground_spring", pytest.param("input_delay", marks=pytest.mark.slow)]
+NOTHING_OR_SOMETHING = [None, pytest.param("input_delay", marks=pytest.mark.slow)]
 
 
 @cache
@@ -32,7 +33,7 @@ def _runs(effect):
     return data_set(EFFECTS.get(effect), force=0.05)
 
 
-@pytest.mark.parametrize("effect", ["ground_spring", "input_delay"])
+@pytest.mark.parametrize("effect", PLAIN)
 def test_a_plain_effect_is_named_or_tied_with_its_size(effect):
     found = _diagnosed(effect)
     names = [f.id for f in found.findings] + [t.id for f in found.findings for t in f.ties]
@@ -45,7 +46,7 @@ def test_a_plain_effect_is_named_or_tied_with_its_size(effect):
         assert first.parameters[key.split(".")[-1]].value == pytest.approx(true, rel=0.15)
 
 
-@pytest.mark.parametrize("effect", ["ground_spring", "input_delay"])
+@pytest.mark.parametrize("effect", PLAIN)
 def test_findings_lead_from_the_base_model_to_the_reported_drive(effect):
     found = _diagnosed(effect)
     errors = [found.before_rms, *(f.report_rms_after for f in found.findings)]
@@ -158,8 +159,10 @@ def test_a_rig_that_lacks_nothing_gets_no_name():
     assert found.verdict == "no_mismatch"
 
 
-def test_report_recordings_change_nothing_but_the_reported_errors():
-    runs, before = _runs("ground_spring"), _diagnosed("ground_spring")
+@pytest.mark.parametrize("effect", NOTHING_OR_SOMETHING)
+def test_report_recordings_change_nothing_but_the_reported_errors(effect):
+    runs, before = _runs(effect), _diagnosed(effect)
+    assert bool(before.findings) == bool(effect)
     kept = {r.name for r in before.split.report}
     assert 0 < len(kept) < len(runs)
     rng = np.random.default_rng(0)
@@ -193,8 +196,9 @@ def test_the_diagnosed_drive_can_be_drawn_within_its_intervals():
     assert np.quantile(drawn, [0.025, 0.975]) == pytest.approx([low, high], rel=0.05)
 
 
-def test_the_answer_is_the_same_for_any_number_of_jobs_and_has_schema_2():
-    one, two = _diagnosed("input_delay").as_json(), diagnose(_runs("input_delay"), settings=QUICK, jobs=2).as_json()
+@pytest.mark.parametrize("effect", NOTHING_OR_SOMETHING)
+def test_the_answer_is_the_same_for_any_number_of_jobs_and_has_schema_2(effect):
+    one, two = _diagnosed(effect).as_json(), diagnose(_runs(effect), settings=QUICK, jobs=2).as_json()
     assert one.pop("seconds") > 0.0
     two.pop("seconds")
     assert one == two
