@@ -48,6 +48,12 @@ def diagnose(
     jobs: Annotated[
         int | None, typer.Option(min=1, max=MOST_THREADS, help="Threads; the answer does not change.")
     ] = None,
+    rounds: Annotated[
+        int | None,
+        typer.Option(
+            min=1, max=20, help="Most rounds of the search, each for one effect; fewer are faster. Default: 5."
+        ),
+    ] = None,
     suggest: Annotated[
         bool,
         typer.Option("--suggest", help="Also write the experiments that would separate what cannot be told apart."),
@@ -83,6 +89,7 @@ def diagnose(
             seed=seed,
             jobs=jobs,
             alpha=alpha,
+            rounds=rounds,
             suggest=suggest,
             tell=tell,
         )
@@ -104,6 +111,7 @@ def write_diagnosis(
     seed: int = 0,
     jobs: int | None = None,
     alpha: float = 0.02,
+    rounds: int | None = None,
     suggest: bool = False,
     remarks: Sequence[str] = (),
     tell: Callable[[str], None] = lambda _: None,
@@ -118,9 +126,11 @@ def write_diagnosis(
     from flexdrive_gym.files import write_together  # noqa: PLC0415
     from identification import diagnose as run  # noqa: PLC0415
     from identification.mismatch.answer.suggest import suggest_experiments, write_suggestions  # noqa: PLC0415
+    from identification.mismatch.settings import Settings  # noqa: PLC0415
 
     require_enough(runs)
-    found = run(runs, seed=seed, jobs=jobs, alpha=alpha, say=tell)
+    settings = Settings() if rounds is None else Settings(rounds=rounds)
+    found = run(runs, seed=seed, jobs=jobs, alpha=alpha, settings=settings, say=tell)
     tell("predicting")
     found = replace(found, predictions=predictions(found, seed=seed, threads=jobs), notes=(*remarks, *found.notes))
     suggestions: tuple[Suggestion, ...] = ()

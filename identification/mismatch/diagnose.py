@@ -207,7 +207,7 @@ class _Result:
         tied = fit_tied(self.bench, self.base) if self.topology.two_carts else None
         return in_units(
             Diagnosis(
-                verdict=_verdict(findings, nameless, estimation),
+                verdict=_verdict(findings, nameless, estimation, ended=self.selection.ended),
                 faults=(),
                 located=located([m.of_rig(units) for m in maps]),
                 findings=findings,
@@ -335,10 +335,12 @@ def _estimates(scored: Scored, drive: Drive) -> dict[str, Estimate]:
     return {short(k): Estimate(drive[k], limits.get(k, (drive[k], drive[k])), unit_of(k)) for k in candidate.keys}
 
 
-def _verdict(findings: Sequence[Finding], nameless: Unnamed | None, fits: Sequence[RecordingFit]) -> Verdict:
+def _verdict(
+    findings: Sequence[Finding], nameless: Unnamed | None, fits: Sequence[RecordingFit], *, ended: bool
+) -> Verdict:
     """Return the verdict, which report recordings have no part in."""
     if not findings:
         return "no_mismatch" if nameless is None else "unexplained"
     _, after, floor = total(fits)
     near = not np.isfinite(floor) or after < _NEAR_FLOOR * floor
-    return "explained" if nameless is None and near else "partly_explained"
+    return "explained" if nameless is None and near and ended else "partly_explained"

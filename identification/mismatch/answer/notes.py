@@ -48,6 +48,11 @@ def notes_of(
             f"{Named(*doubtful.name)} gains {doubtful.total:.2g} units of log-likelihood (p = {doubtful.p:.2g}), where p = "
             f"{selection.level:.2g} is asked for: it is not named"
         )
+    if not selection.ended:
+        most = len(selection.rounds)
+        notes.append(
+            f"the search ended after {most} round{'s' if most > 1 else ''}, the most that it may have: more may be left out"
+        )
     if selection.hiding is not None:
         notes.append(
             f"unknown forces on {selection.hiding} are more than half of what they may be: something without a name is left out, "

@@ -69,6 +69,8 @@ class Selection:
         Of the test of a round.
     differing
         Candidates that were taken, and left out again because their size differs between experiments.
+    ended
+        Whether nothing was left to name when the search ended; otherwise it had come to the most rounds that it may have.
     """
 
     rounds: tuple[Round, ...]
@@ -78,6 +80,7 @@ class Selection:
     variability: tuple[Direction, ...]
     level: float
     differing: tuple[tuple[Scored, Round], ...] = ()
+    ended: bool = True
 
     @property
     def doubtful(self) -> Scored | None:
@@ -131,13 +134,15 @@ class Selector:
         near = self._near(base, proposed)
         # where a free function won, and names are tried in its place
         doubted: int | None = None
+        ended = False
         while len(rounds) < self.settings.rounds:
-            self.say(f"round {len(rounds) + 1}")
+            self.say(f"round {len(rounds) + 1} of at most {self.settings.rounds}")
             step = self._round(base, near, phases, taken, () if rounds else proposed)
             rounds.append(step)
             base = step.base
             name = self.naming.name(step, rounds[0].base, sum(s.total for s, _ in taken)) if step.accepted else None
             if name is None or (nameless(step.best) and doubted is not None):
+                ended = True
                 break
             if nameless(step.best):
                 doubted = len(taken)
@@ -147,12 +152,12 @@ class Selector:
             base = name.fit or base
             near = base
         if doubted is not None and not self.naming.stand(taken[doubted:], rounds[doubted]):
-            rounds, taken, base = rounds[: doubted + 1], taken[:doubted], rounds[doubted].base
+            rounds, taken, base, ended = rounds[: doubted + 1], taken[:doubted], rounds[doubted].base, True
         taken, base = self._backward(taken, base, rounds[-1])
         kept, base = self._of_one_size(taken, base, rounds[-1])
         differing = tuple(item for item in taken if item not in kept)
         last = rounds[-1].variability
-        return Selection(tuple(rounds), rounds[0].base, base, tuple(kept), last, self.level, differing)
+        return Selection(tuple(rounds), rounds[0].base, base, tuple(kept), last, self.level, differing, ended)
 
     def _proposed(self, base: Fit) -> list[Start]:
         """Return candidates with parameters as the equation error sees them, where the simulation is far from the data."""

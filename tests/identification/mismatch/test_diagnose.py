@@ -91,6 +91,9 @@ def test_what_no_simulation_needs_is_no_finding(monkeypatch):
     found = diagnose(_runs("ground_spring"), settings=ONE_ROUND, jobs=1)
     assert [f.id for f in found.findings] == ["ground_spring"]
     assert play not in found.drive.values
+    # one round named it, so nobody knows what another would
+    assert found.verdict == "partly_explained"
+    assert any(n.startswith("the search ended after 1 round,") for n in found.notes)
 
 
 def test_what_is_named_beside_a_finding_is_no_tie(monkeypatch):

@@ -120,3 +120,21 @@ def test_forces_nearly_as_large_as_they_may_be_hide_more(monkeypatch, share, whe
     monkeypatch.setattr(selector, "of_most", lambda _: np.array([[0.05, share], [0.0, 0.02]]))
     selection = Selection((SimpleNamespace(noise=None),), None, None, (), (), LEVEL)
     assert selection.hiding == where
+
+
+@pytest.mark.parametrize(("names", "taken", "ended"), [([1, 2, 3], 2, False), ([1, None], 1, True), ([None], 0, True)])
+def test_a_search_that_comes_to_its_most_rounds_has_not_ended(monkeypatch, names, taken, ended):
+    """What is left then is not known, and nobody may say that nothing is."""
+    found = [n and SimpleNamespace(name=("tilt", str(n)), total=9.0, variability=(), fit=None) for n in names]
+    step = SimpleNamespace(base=None, best=SimpleNamespace(name=("tilt", "guide")), accepted=True, variability=())
+    step.with_first = lambda _: step
+    monkeypatch.setattr(selector, "fit_base", lambda *_: None)
+    monkeypatch.setattr(selector, "nameless", lambda _: False)
+    asked = SimpleNamespace(
+        settings=Settings(rounds=2), naming=SimpleNamespace(name=lambda *_: found.pop(0)), say=lambda _: None,
+        bench=None, topology=None, known={}, level=LEVEL, _proposed=lambda _: [], _near=lambda *_: None,
+        _round=lambda *_: step, _backward=lambda taken, base, _: (taken, base), _of_one_size=lambda taken, base, _: (taken, base),
+    )  # fmt: skip
+    selection = Selector.run(asked)
+    assert len(selection.accepted) == taken
+    assert selection.ended == ended
