@@ -37,15 +37,19 @@ def build_rigs_page(found: Row, *, command: str) -> str:
 
 def sentences(found: Row) -> list[str]:
     """Return the result in a few sentences."""
-    told = found["named"] + found["tied"]
+    told, aims = found["named"] + found["tied"], found["aims"]
+    least, most = f" (aim: at least {aims['named_or_tied']})", f" (aim: at most {aims['contradicted_at_most']})"
+    if found["concealed"] < aims["named_or_tied"]:
+        # aims are of all rigs
+        least = most = ""
     lines = [
         (
             f"{told} of {found['concealed']} documented effects are found: {found['named']} named, {found['tied']} tied with "
-            f"look-alikes, {found['missed']} missed (aim: at least {found['aims']['named_or_tied']})."
+            f"look-alikes, {found['missed']} missed{least}."
         ),
         (
-            f"{found['claims']} other claims: the documentation contradicts {found['contradicted']} (aim: at most "
-            f"{found['aims']['contradicted_at_most']}), the others lie beyond it."
+            f"{found['claims']} other claims: the documentation contradicts {found['contradicted']}{most}, the others lie beyond "
+            "it."
         ),
     ]
     worse = [row["title"] for row in found["rigs"] if row["status"] == "examined" and _worse(row["errors"])]

@@ -127,6 +127,9 @@ def test_the_page_says_the_result_first(examined, tmp_path):
     (tmp_path / "emps").mkdir()
     found = summary(study({n: RIGS[n] for n in ("emps", "hsm150")}, tmp_path, None))
     assert sentences(found)[0].startswith("1 of 2 documented effects are found: 1 named")
+    # two effects cannot reach an aim for all rigs
+    assert "aim:" not in " ".join(sentences(found))
+    assert "(aim: at least 9)" in sentences({**found, "concealed": 11, "named": 10})[0]
     page = build_rigs_page(found, command="flexdrive rigs")
     assert page.index("1 of 2 documented effects") < page.index("<table")
     assert "no folder" in page
