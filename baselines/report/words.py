@@ -105,6 +105,8 @@ def verdict_sentences(d: Diagnosis) -> list[str]:
         more = ""
     elif d.unnamed is not None:
         more = ", and something more that no effect of the catalogue describes"
+    elif not d.ended:
+        more = ". The search came to the most rounds that it may have, so more may be left out"
     else:
         more = ". The error stays above the floor, but nothing more is significant"
     names = listed(at(f.id, f.where) for f in d.findings)

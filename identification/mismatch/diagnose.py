@@ -231,6 +231,7 @@ class _Result:
                 harmonics=tuple(harmonics(forces, self.runs)),
                 forces=tuple(forces),
                 tied=tied,
+                ended=self.selection.ended,
             ),
             units,
         )

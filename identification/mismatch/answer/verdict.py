@@ -145,6 +145,8 @@ class Diagnosis:
         Below which size these recordings do not show what is not named.
     notes
         Sentences a reader should see.
+    ended
+        Whether nothing was left to name when the search ended; otherwise it had come to the most rounds that it may have.
     """
 
     verdict: Verdict
@@ -173,6 +175,7 @@ class Diagnosis:
     harmonics: tuple[Harmonics, ...] = ()
     forces: tuple[MissingForce, ...] = ()
     tied: Drive | None = None
+    ended: bool = True
 
     def as_json(self, drive: str = "drive.toml") -> dict[str, Any]:
         """Return the object of ``diagnosis.json``; what is not a number becomes null."""

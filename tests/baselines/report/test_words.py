@@ -1,8 +1,9 @@
 """A diagnosis in plain words."""
 
 from baselines.report import words
-from identification.mismatch.answer.finding import Unnamed
+from identification.mismatch.answer.finding import Finding, Unnamed
 from tests.each import each
+from tests.identification.mismatch.lab import diagnosis
 
 
 @each(
@@ -32,3 +33,10 @@ def test_what_has_no_name_is_said_by_what_it_follows(id_, where, text):
 )
 def test_an_effect_without_a_name_is_a_force_only_where_one_can_act(where, text):
     assert words.without_name(Unnamed(where, 0.1, "most like breakaway")) == text
+
+
+@each(("ended", "text"), [(True, "nothing more is significant"), (False, "so more may be left out")])
+def test_nothing_is_said_of_rounds_that_were_not_made(ended, text):
+    finding = Finding("tilt", "guide", {}, (), None, 0.5, 0.004, 2.0, 1.0)
+    found = diagnosis(verdict="partly_explained", findings=(finding,), ended=ended)
+    assert words.verdict_sentences(found)[0].endswith(f"{text}.")
