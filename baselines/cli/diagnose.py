@@ -50,9 +50,7 @@ def diagnose(
     ] = None,
     rounds: Annotated[
         int | None,
-        typer.Option(
-            min=1, max=20, help="Most rounds of the search, each for one effect; fewer are faster. Default: 5."
-        ),
+        typer.Option(min=1, help="Most rounds of the search, each for one effect; fewer take less time."),
     ] = None,
     suggest: Annotated[
         bool,
@@ -129,7 +127,7 @@ def write_diagnosis(
     from identification.mismatch.settings import Settings  # noqa: PLC0415
 
     require_enough(runs)
-    settings = Settings() if rounds is None else Settings(rounds=rounds)
+    settings = None if rounds is None else Settings(rounds=rounds)
     found = run(runs, seed=seed, jobs=jobs, alpha=alpha, settings=settings, say=tell)
     tell("predicting")
     found = replace(found, predictions=predictions(found, seed=seed, threads=jobs), notes=(*remarks, *found.notes))

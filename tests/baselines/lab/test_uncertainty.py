@@ -111,7 +111,7 @@ def test_a_motion_beyond_the_recordings_extrapolates_and_says_why():
 
 def test_a_loop_keeps_its_margins_on_drives_like_its_own():
     design = stage("integral", DRIVE)
-    found = loop_uncertainty(DRIVE, design.controller, draws=12)
+    found = loop_uncertainty(DRIVE, design.controller, draws=40)
     assert found.unstable == 0.0
     own = margins(DRIVE, design.controller)
     for name, (low, high) in found.ci95.items():

@@ -17,8 +17,6 @@ from tests.drive.drives import RIG
 from tests.identification.lab import COUNTS, QUANTUM, run
 
 QUICK = Settings(draws=199, finished=3, rounds=2)
-# for what does not depend on how far many candidates are fitted
-ONE_ROUND = replace(QUICK, rounds=1, proposals=2, finished=1)
 T = np.arange(2501) * 1e-3
 KINDS = (
     ("square", 1.5, 0.8),
