@@ -50,7 +50,7 @@ def diagnose(
     ] = None,
     rounds: Annotated[
         int | None,
-        typer.Option(min=1, help="Most rounds of the search, each for one effect; fewer take less time."),
+        typer.Option(min=1, max=20, help="Most rounds of the search, each for one effect; fewer take less time."),
     ] = None,
     suggest: Annotated[
         bool,
