@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
@@ -15,6 +15,7 @@ from identification.mismatch.candidates.free import Shape
 from identification.mismatch.candidates.phases import Phase, phases
 from identification.mismatch.fitting.bench import Bench, Columns, SingleArray
 from identification.mismatch.fitting.fit import Fit, resolved
+from identification.mismatch.fitting.levels import Levels
 from identification.mismatch.fitting.score import Normal
 from identification.mismatch.noise.estimate import Noise
 
@@ -22,6 +23,11 @@ from identification.mismatch.noise.estimate import Noise
 _PARAMETER, _LARGE = 0.3, 3.0
 # information under which noise hides a change of unit variance
 _HIDDEN = 0.05
+# change over what is left from which on it is none of what may be there, and cosine of two changes from which on they are one
+_FAR, _ALONG = 4.0, 0.95
+
+# an effect of one size, without the others
+Key = tuple[tuple[str, float], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,33 +166,27 @@ def linearise(
     """Return the sensitivities of all candidates around a model.
 
     A candidate's columns are the change at its plainly present size over that size, for non-linear effects look different when
-    small; a shape's are those of its forces.
+    small. Where that is far more than what is left, and a change that is as much points another way, the candidate has both: a
+    spring that is plainly harder has another resonance, and such motion says nothing of one that is a little harder. A shape's
+    columns are those of its forces.
     """
     present = [c for c in candidates if not any(k in model.values for k, _ in c.sizes)]
-    drives = {}
-    for c in present:
-        for i in range(len(c.sizes)):
-            effect = c.one(i)
-            drives[tuple(sorted(effect.items()))] = ({**model.values, **effect}, c.sizes[i][1])
-    drives = {k: v for k, v in drives.items() if resolved(v[0])}
-    here = model.residual
-    found = {
-        k: ((moved - here) / size).astype(np.float32)
-        for (k, (_, size)), moved in zip(drives.items(), bench.residuals([v for v, _ in drives.values()]), strict=True)
-    }
+    usual, lesser = _changes(model, present)
     columns: list[SingleArray] = []
     base = int(np.sum(model.interior))
     entries = []
-    place: dict[object, int] = {}
+    place: dict[int, int] = {}
     for c in present:
-        keys = [tuple(sorted(c.one(i).items())) for i in range(len(c.sizes))]
-        if any(k not in found or not np.any(found[k]) for k in keys):
+        keys = _keys(c)
+        if any(k not in usual or not np.any(usual[k]) for k in keys):
             continue
-        for k in keys:
-            if k not in place:
-                place[k] = base + len(columns)
-                columns.append(found[k])
-        entries.append(Entry(c, tuple(place[k] for k in keys)))
+        for changes in (usual, {**usual, **lesser}) if any(k in lesser for k in keys) else (usual,):
+            own = [changes[k] for k in keys]
+            for change in own:
+                if id(change) not in place:
+                    place[id(change)] = base + len(columns)
+                    columns.append(change)
+            entries.append(Entry(c, tuple(place[id(change)] for change in own)))
     names = {c.name for c in present}
     free_ones: Iterable[tuple[Shape | Phase, Sequence[FloatArray]]] = chain(
         ((s, bench.pushed(model.values, s.forces, s.size)) for s in shapes),
@@ -198,3 +198,50 @@ def linearise(
         if base + len(columns) > first:
             entries.append(Entry(free, tuple(range(first, base + len(columns)))))
     return Linear.of(model, noise, np.column_stack(columns), entries)
+
+
+def _keys(candidate: Candidate) -> list[Key]:
+    return [tuple(sorted(candidate.one(i).items())) for i in range(len(candidate.sizes))]
+
+
+def _changes(model: Fit, candidates: Sequence[Candidate]) -> tuple[dict[Key, SingleArray], dict[Key, SingleArray]]:
+    """Return the changes of rows over the sizes of effects: at the usual ones, and at lesser ones where these point elsewhere."""
+    sizes: dict[Key, str] = {}
+    proportional = set[Key]()
+    for c in candidates:
+        for key, (name, _) in zip(_keys(c), c.sizes, strict=True):
+            if resolved({**model.values, **dict(key)}):
+                sizes[key] = name
+                proportional |= {key} if c.proportional else set()
+
+    def changes(over: Mapping[Key, float]) -> dict[Key, SingleArray]:
+        """Return the changes of effects of the usual size over some number, each divided by its size."""
+        effects = [{**dict(key), sizes[key]: dict(key)[sizes[key]] / number} for key, number in over.items()]
+        moved = model.bench.residuals([{**model.values, **effect} for effect in effects])
+        return {
+            key: ((rows - model.residual) / effect[sizes[key]]).astype(np.float32)
+            for key, effect, rows in zip(over, effects, moved, strict=True)
+        }
+
+    usual = changes(dict.fromkeys(sizes, 1.0))
+    ratios = _over_what_is_left(model, [change * dict(key)[sizes[key]] for key, change in usual.items()])
+    far = {key: ratio for key, ratio in zip(usual, ratios, strict=True) if ratio > _FAR and key in proportional}
+    return usual, {key: c for key, c in changes(far).items() if _points_elsewhere(c, usual[key])}
+
+
+def _over_what_is_left(model: Fit, changes: Sequence[Columns]) -> list[float]:
+    """Return the norm of every change, but for what base parameters can do, over that of the residual; by output error."""
+    levels = Levels.of(model.bench, model.residual)
+    left = max(float(np.linalg.norm(levels.white(model.residual))), np.finfo(float).tiny)
+    Q, _ = np.linalg.qr(levels.white(model.jacobian[:, model.interior]))
+
+    def over(change: Columns) -> float:
+        own = levels.white(np.asarray(change, dtype=np.float64))
+        return float(np.linalg.norm(own - Q @ (Q.T @ own))) / left
+
+    return list(model.bench.pool.map(over, changes))
+
+
+def _points_elsewhere(change: SingleArray, usual: SingleArray) -> bool:
+    length = float(np.linalg.norm(change) * np.linalg.norm(usual))
+    return length > 0.0 and float(change @ usual) < _ALONG * length
