@@ -189,6 +189,13 @@ def _usual(q: Parameter, scale: Scale) -> tuple[float, ...]:
     return tuple(dict.fromkeys(min(max(factor * v, q.lower), q.upper) for v in q.starts))
 
 
+def further(candidate: Candidate, named: object) -> bool:
+    """Whether there is more to say by a candidate: of another name than one that is given, or other sizes of its plain law."""
+    if not isinstance(named, Candidate):
+        return named is None
+    return not (candidate.shapes or named.shapes or set(candidate.keys) & set(named.keys))
+
+
 def look_alikes(effect: str) -> set[str]:
     """Return the ids of the effects known to look like one, or that it is known to look like."""
     return {e.id for e in EFFECTS if effect in e.looks_like} | {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from identification.mismatch.candidates.catalogue import Candidate
@@ -72,6 +72,11 @@ class Naming:
         starts = [best.values, *restarts(self.bench, best, own)]
         fits = self.bench.pool.map(partial(held_first, self.bench, levels, names=best.names), starts)
         return share_of_error(scored, min(fits, key=lambda f: f.cost))
+
+    def share_beside(self, scored: Scored, whole: Fit, less: Fit) -> float:
+        """Return the share that a name takes off beside all other names, from the drive with all of them and that without it."""
+        beside = replace(scored, fit=whole) if isinstance(scored.candidate, Candidate) else scored
+        return self.share(beside, less)
 
     def beyond(self, scored: Scored, share: float, base: Fit, before: Fit) -> bool:
         """Whether a name takes more off the squared output error than the laws named before do not describe of theirs."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -139,16 +139,18 @@ def tied(best: Scored, other: Scored) -> bool:
     return float(difference.sum()) < NEGLIGIBLE * abs(best.total) or float(studentised(difference)) < TIE
 
 
-def ranked(scored: Sequence[Scored], significant: Sequence[Scored]) -> list[Scored]:
+def ranked(
+    scored: Sequence[Scored], significant: Sequence[Scored], named: Collection[Name] = frozenset()
+) -> list[Scored]:
     """Return candidates with the one that is named first: ranked by gain, tested by p-value.
 
     Of the significant ones that with the largest gain shows that something is there. Whatever predicts as well or better is asked
     who predicts best, be it significant by itself or not. Of those that tie with that one the least is said: a name before a
-    function without one, one that is significant by itself before one that is not, one with fewer parameters before one with
-    more. A free function contains the names that follow its variable, so a name that gains most of what it gains stands for it,
-    significant by itself or not; what that leaves is looked for in the next round. A refinement of dry friction is named beside
-    the dry friction that it refines, not in its place (J. A. Nelder,
-    J. R. Stat. Soc. A 140, 1977): where a model has none, that comes first, whatever it gains by itself.
+    function without one, one that is significant by itself before one that is not, another size of an effect that has a name
+    already before another name, one with fewer parameters before one with more. A free function contains the names that follow
+    its variable, so a name that gains most of what it gains stands for it, significant by itself or not; what that leaves is
+    looked for in the next round. A refinement of dry friction is named beside the dry friction that it refines, not in its place
+    (J. A. Nelder, J. R. Stat. Soc. A 140, 1977): where a model has none, that comes first, whatever it gains by itself.
     """
     order = sorted(scored, key=lambda s: -s.total)
     names = {s.name for s in significant} or {order[0].name}
@@ -156,12 +158,28 @@ def ranked(scored: Sequence[Scored], significant: Sequence[Scored]) -> list[Scor
     top = next(s for s in order if s is leader or tied(leader, s))
     least = MOST * top.total if nameless(top) else np.inf
     alike = [s for s in order if s is top or tied(top, s) or (not nameless(s) and s.total >= least)]
-    first = min(alike, key=lambda s: (nameless(s), s.name not in names, s.size, -s.total))
+    first = min(alike, key=lambda s: (nameless(s), s.name not in names, s.name not in named, s.size, -s.total))
     if first.name[0] in REFINE_FRICTION:
         fitted = {s.name for s in order if s.fit is not None}
         plain = (s for s in order if s.name == ("coulomb_friction", first.name[1]) and s.name in names | fitted)
         first = next(plain, first)
     return [first, *(s for s in order if s is not first)]
+
+
+def joined(taken: Sequence[tuple[Scored, Round]], more: Scored, step: Round) -> list[tuple[Scored, Round]]:
+    """Return names with their rounds and one more; another size of an effect that has a name becomes part of that."""
+    for i, (scored, then) in enumerate(taken):
+        if (
+            scored.name == more.name
+            and isinstance(scored.candidate, Candidate)
+            and isinstance(more.candidate, Candidate)
+        ):
+            whole = replace(scored.candidate, sizes=(*scored.candidate.sizes, *more.candidate.sizes))
+            both = replace(
+                scored, candidate=whole, fit=more.fit, gain=scored.gain + more.gain, size=scored.size + more.size
+            )
+            return [*taken[:i], (both, then), *taken[i + 1 :]]
+    return [*taken, (more, step)]
 
 
 def dispensable(scored: Sequence[Scored]) -> list[Scored]:

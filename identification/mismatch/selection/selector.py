@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from identification.mismatch.candidates.catalogue import Candidate, catalogue, look_alikes
+from identification.mismatch.candidates.catalogue import Candidate, catalogue, further, look_alikes
 from identification.mismatch.fitting.bench import Bench, SingleArray, Values
 from identification.mismatch.fitting.fit import Fit, fit, gain_of
 from identification.mismatch.fitting.score import shared
@@ -35,7 +35,16 @@ from identification.mismatch.selection.optima import (
     refit_base,
     without,
 )
-from identification.mismatch.selection.ranking import MOST, Round, Scored, dispensable, nameless, ranked, scores
+from identification.mismatch.selection.ranking import (
+    MOST,
+    Round,
+    Scored,
+    dispensable,
+    joined,
+    nameless,
+    ranked,
+    scores,
+)
 from identification.mismatch.selection.start import Start, candidate_starts, far_starts, misread_starts
 from identification.topology import Topology
 
@@ -85,8 +94,8 @@ class Selection:
     @property
     def doubtful(self) -> Scored | None:
         """Return what is likely in the last round, though not significant."""
-        last = self.rounds[-1]
-        likely = [s for s in last.scored if s.p <= self.model.bench.settings.likely]
+        last, named = self.rounds[-1], {s.name for s, _ in self.accepted}
+        likely = [s for s in last.scored if s.p <= self.model.bench.settings.likely and s.name not in named]
         return None if last.accepted else min(likely, key=lambda s: s.p, default=None)
 
     @property
@@ -147,7 +156,7 @@ class Selector:
             if nameless(step.best):
                 doubted = len(taken)
             own = step.with_first(name)
-            taken.append((name, own))
+            taken = joined(taken, name, own)
             phases = (*phases, *name.variability)
             base = name.fit or base
             near = base
@@ -192,8 +201,8 @@ class Selector:
         proposed: Sequence[Start],
     ) -> Round:
         bench, seed = self.bench, [self.seed, len(taken)]
-        named = {s.name for s, _ in taken}
-        candidates = [c for c in self.candidates if c.name not in named and self._placed(c, named)]
+        named = {s.name: s.candidate for s, _ in taken}
+        candidates = [c for c in self.candidates if self._placed(c, named) and further(c, named.get(c.name))]
         started, model = base, near
         fits: dict[Name, tuple[Candidate, Fit]] = {}
         noise: Noise | None = None
@@ -230,7 +239,7 @@ class Selector:
             # hundreds of columns that are not needed beside those of the next turn
             del account
         assert linear is not None
-        return self._judged(linear, first, fits, found, candidates, seed)
+        return self._judged(linear, first, fits, found, candidates, seed, named)
 
     def _placed(self, candidate: Candidate, named: Collection[Name]) -> bool:
         """Whether recordings tell the place that a candidate repeats with: a speed without sign adds up to none."""
@@ -247,6 +256,7 @@ class Selector:
         found: Sequence[Direction],
         candidates: Sequence[Candidate],
         seed: Sequence[int],
+        said: Collection[Name],
     ) -> Round:
         """Hold the candidates against their null draws, and the base model against their optima."""
         noise, before = linear.noise, linear.model
@@ -265,12 +275,12 @@ class Selector:
         asked = {candidate.name for candidate, _ in leading}
         while True:
             significant = self.naming.significant(scored)
-            order = ranked(scored, significant)
+            order = ranked(scored, significant, said)
             named = [fits[s.name] for s in (order[0], *significant[:2]) if s.name in fits and s.name not in asked]
             asked |= {candidate.name for candidate, _ in named}
             better = refit_base(base, noise, named)
             if better is base:
-                order = ranked(pruned(base, noise, scored, significant), significant)
+                order = ranked(pruned(base, noise, scored, significant), significant, said)
                 limits = detection_limits(linear, null, self.level)
                 return Round(base, tuple(order), null, noise, bool(significant), tuple(found), limits)
             fits = carried_over(base, better, noise, fits)
@@ -323,13 +333,13 @@ class Selector:
             asked = dispensable([scored for scored, _ in taken])
             ones = [(s, step) for s, step in taken if s in asked]
             found = self.bench.pool.map(partial(self._without, model=model, last=last), *zip(*ones, strict=True))
-            left_out = [(rarity, less, s, step) for (rarity, less), (s, step) in zip(found, ones, strict=True)]
-            # what stands for a free function needs not be rarer than it was then, and what brings the simulation near stays:
-            # around a model that is far away draws tell nothing
+            left_out = [(rarity, less, s) for (rarity, less), (s, _) in zip(found, ones, strict=True)]
+            # what stands for a free function needs not be rarer than it was then, and what keeps the simulation near stays:
+            # draws around a model that is far away tell nothing
             weak = [
                 (rarity, less, s)
-                for rarity, less, s, step in left_out
-                if rarity > max(self.level, s.rarity) and self.naming.share(s, step.base) < MOST
+                for rarity, less, s in left_out
+                if rarity > max(self.level, s.rarity) and self.naming.share_beside(s, model, less) < MOST
             ]
             if not weak:
                 break

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identification.mismatch.candidates.catalogue import Candidate, catalogue
+from identification.mismatch.candidates.catalogue import Candidate, catalogue, further
 from identification.mismatch.candidates.narrow_band import lines
 from identification.mismatch.candidates.phases import phases
 from identification.mismatch.fitting.fit import fit
@@ -95,3 +95,16 @@ def test_a_filter_is_a_candidate_where_nothing_tells_how_velocities_were_made():
     assert {c.where for c in catalogue(TWO_CARTS, known, filtered=True) if c.id == "velocity_processing"} == {
         "encoder_1"
     }
+
+
+def test_of_what_has_a_name_only_other_sizes_of_a_plain_law_are_asked():
+    found = catalogue(TWO_CARTS, {}, None)
+    spring = next(c for c in found if [k for k, _ in c.sizes] == ["ground_spring.kg"])
+    asked = {k for c in found if c.name == spring.name and further(c, spring) for k in c.keys}
+    assert asked == {"ground_spring.kg3", "ground_spring.kg_2"}
+    # a wave has a period, which one of another period would have to share
+    for wave in (c for c in found if c.shapes):
+        assert not any(further(c, wave) for c in found if c.name == wave.name)
+    # of what has no size in the simulation, a ripple with a phase of its own in every run, no more is asked
+    assert not further(spring, object())
+    assert further(spring, None)

@@ -14,7 +14,7 @@ from identification.mismatch.fitting.bench import Bench
 from identification.mismatch.fitting.fit import Coordinates, Fit
 from identification.mismatch.selection.evaluate import Table
 from identification.mismatch.selection.linear import Entry
-from identification.mismatch.selection.ranking import Scored, dispensable, ranked, scores, tied
+from identification.mismatch.selection.ranking import Scored, dispensable, joined, ranked, scores, tied
 
 RNG = np.random.default_rng(0)
 
@@ -79,6 +79,34 @@ def test_dry_friction_stays_while_another_effect_refines_it():
     refined = at_cart("position_friction", gain, "cart_1")
     assert dispensable([own, other, refined]) == [other, refined]
     assert dispensable([own, other]) == [own, other]
+
+
+def test_another_size_of_what_has_a_name_says_less_than_another_name():
+    """A rail that bends under both carts is one spring to ground, and no spring and an encoder of another scale."""
+    gain = RNG.uniform(5.0, 10.0, 12)
+    other = named("encoder_scale", gain + RNG.normal(0.3, 1.0, 12))
+    more = replace(
+        named("ground_spring", gain), candidate=Candidate("ground_spring", "guide", (("ground_spring.kg_2", 1e-3),))
+    )
+    assert ranked([other, more], [other, more])[0] is other
+    assert ranked([other, more], [other, more], {more.name})[0] is more
+    # what predicts better in every experiment is another effect all the same
+    better = named("encoder_scale", 1.5 * gain)
+    assert ranked([better, more], [better, more], {more.name})[0] is better
+
+
+def test_another_size_of_what_has_a_name_becomes_part_of_it():
+    gain = RNG.uniform(5.0, 10.0, 12)
+    spring, delay = named("ground_spring", gain), named("input_delay", gain)
+    more = replace(
+        spring, candidate=Candidate("ground_spring", "guide", (("ground_spring.kg_2", 1e-3),)), gain=0.5 * gain
+    )
+    taken = joined(joined(joined([], spring, "first"), delay, "second"), more, "third")
+    assert [(s.name[0], step) for s, step in taken] == [("ground_spring", "first"), ("input_delay", "second")]
+    whole = taken[0][0]
+    assert whole.candidate.keys == ("ground_spring.0", "ground_spring.kg_2")
+    assert whole.size == 2
+    assert whole.total == pytest.approx(1.5 * spring.total)
 
 
 def test_a_command_makes_its_own_frequency_and_odd_harmonics_through_friction():

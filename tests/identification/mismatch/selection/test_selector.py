@@ -23,7 +23,7 @@ def stay(monkeypatch):
 
     def run(names, share=0.1):
         then = [Scored(Candidate(n, "guide", ((n, 1.0),)), None, np.ones(4), 1, p) for n, (p, _) in names.items()]
-        naming = SimpleNamespace(share=lambda *_: share)
+        naming = SimpleNamespace(share_beside=lambda *_: share)
         asked = SimpleNamespace(bench=SimpleNamespace(pool=SimpleNamespace(map=map)), level=LEVEL, naming=naming)
         asked._without = lambda s, _step, model, last: (names[s.name[0]][1], model)
         last = SimpleNamespace(noise=None, base=None)
@@ -43,7 +43,7 @@ def test_what_stands_for_a_free_function_stays_while_it_is_as_rare_as_it_was(sta
     assert stay({"one": (0.002, 0.002), "other": (0.03, 0.04)}) == ["one"]
 
 
-def test_what_brings_the_simulation_near_stays(stay):
+def test_what_keeps_the_simulation_near_stays(stay):
     # draws around a model that is far away gain anything
     assert stay({"one": (0.002, 0.002), "other": (0.28, 0.3)}, share=0.9) == ["one", "other"]
 
@@ -65,12 +65,16 @@ def test_what_has_another_size_in_every_experiment_is_left_out(monkeypatch, take
     assert [s.name[0] for s, _ in found] == kept
 
 
-@pytest.mark.parametrize(("p", "told"), [(0.05, "tilt"), (0.3, None)])
-def test_what_is_likely_and_not_significant_is_told(p, told):
+@pytest.mark.parametrize(("p", "named", "told"), [(0.05, False, "tilt"), (0.3, False, None), (0.05, True, None)])
+def test_what_is_likely_and_not_significant_is_told(p, named, told):
+    """But for another size of what has a name."""
     tilt = Scored(Candidate("tilt", "guide", (("tilt.F", 1.0),)), None, np.ones(4), 1, 0.002, p)
     bench = SimpleNamespace(settings=Settings())
     chosen = SimpleNamespace(
-        rounds=[SimpleNamespace(accepted=False, scored=[tilt])], model=SimpleNamespace(bench=bench), level=LEVEL
+        rounds=[SimpleNamespace(accepted=False, scored=[tilt])],
+        model=SimpleNamespace(bench=bench),
+        level=LEVEL,
+        accepted=[(tilt, None)] if named else [],
     )
     doubtful = Selection.doubtful.fget(chosen)
     assert (None if doubtful is None else doubtful.name[0]) == told
