@@ -46,7 +46,9 @@ def sentences(found: Row) -> list[str]:
         (
             f"{told} of {found['concealed']} documented effects are found: {found['named']} named, {found['tied']} tied with "
             f"look-alikes, {found['missed']} missed{least}."
-        ),
+        )
+        if found["concealed"]
+        else "No documented effect is concealed from the diagnosis here.",
         (
             f"{found['claims']} other claims: the documentation contradicts {found['contradicted']}{most}, the others lie beyond "
             "it."

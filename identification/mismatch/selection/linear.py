@@ -171,22 +171,21 @@ def linearise(
     columns are those of its forces.
     """
     present = [c for c in candidates if not any(k in model.values for k, _ in c.sizes)]
-    usual, lesser = _changes(model, present)
+    changes, lesser = _changes(model, present)
     columns: list[SingleArray] = []
     base = int(np.sum(model.interior))
     entries = []
-    place: dict[int, int] = {}
+    place: dict[Key, int] = {}
     for c in present:
         keys = _keys(c)
-        if any(k not in usual or not np.any(usual[k]) for k in keys):
+        if any(k not in changes or not np.any(changes[k]) for k in keys):
             continue
-        for changes in (usual, {**usual, **lesser}) if any(k in lesser for k in keys) else (usual,):
-            own = [changes[k] for k in keys]
-            for change in own:
-                if id(change) not in place:
-                    place[id(change)] = base + len(columns)
-                    columns.append(change)
-            entries.append(Entry(c, tuple(place[id(change)] for change in own)))
+        for own in dict.fromkeys((tuple(keys), tuple(lesser.get(k, k) for k in keys))):
+            for k in own:
+                if k not in place:
+                    place[k] = base + len(columns)
+                    columns.append(changes[k])
+            entries.append(Entry(c, tuple(place[k] for k in own)))
     names = {c.name for c in present}
     free_ones: Iterable[tuple[Shape | Phase, Sequence[FloatArray]]] = chain(
         ((s, bench.pushed(model.values, s.forces, s.size)) for s in shapes),
@@ -204,8 +203,8 @@ def _keys(candidate: Candidate) -> list[Key]:
     return [tuple(sorted(candidate.one(i).items())) for i in range(len(candidate.sizes))]
 
 
-def _changes(model: Fit, candidates: Sequence[Candidate]) -> tuple[dict[Key, SingleArray], dict[Key, SingleArray]]:
-    """Return the changes of rows over the sizes of effects: at the usual ones, and at lesser ones where these point elsewhere."""
+def _changes(model: Fit, candidates: Sequence[Candidate]) -> tuple[dict[Key, SingleArray], dict[Key, Key]]:
+    """Return the changes of rows over the sizes of effects, and the lesser effect of those that point elsewhere when lesser."""
     sizes: dict[Key, str] = {}
     proportional = set[Key]()
     for c in candidates:
@@ -213,20 +212,25 @@ def _changes(model: Fit, candidates: Sequence[Candidate]) -> tuple[dict[Key, Sin
             if resolved({**model.values, **dict(key)}):
                 sizes[key] = name
                 proportional |= {key} if c.proportional else set()
-
-    def changes(over: Mapping[Key, float]) -> dict[Key, SingleArray]:
-        """Return the changes of effects of the usual size over some number, each divided by its size."""
-        effects = [{**dict(key), sizes[key]: dict(key)[sizes[key]] / number} for key, number in over.items()]
-        moved = model.bench.residuals([{**model.values, **effect} for effect in effects])
-        return {
-            key: ((rows - model.residual) / effect[sizes[key]]).astype(np.float32)
-            for key, effect, rows in zip(over, effects, moved, strict=True)
-        }
-
-    usual = changes(dict.fromkeys(sizes, 1.0))
+    usual = _changes_over(model, sizes)
     ratios = _over_what_is_left(model, [change * dict(key)[sizes[key]] for key, change in usual.items()])
-    far = {key: ratio for key, ratio in zip(usual, ratios, strict=True) if ratio > _FAR and key in proportional}
-    return usual, {key: c for key, c in changes(far).items() if _points_elsewhere(c, usual[key])}
+    lesser = {
+        key: tuple((n, v / ratio if n == sizes[key] else v) for n, v in key)
+        for key, ratio in zip(usual, ratios, strict=True)
+        if ratio > _FAR and key in proportional
+    }
+    changes = _changes_over(model, {less: sizes[key] for key, less in lesser.items()})
+    elsewhere = {key: less for key, less in lesser.items() if _points_elsewhere(changes[less], usual[key])}
+    return {**changes, **usual}, elsewhere
+
+
+def _changes_over(model: Fit, sizes: Mapping[Key, str]) -> dict[Key, SingleArray]:
+    """Return the changes that effects make, each over the size that is named beside it, shape (N,)."""
+    moved = model.bench.residuals([{**model.values, **dict(key)} for key in sizes])
+    return {
+        key: ((rows - model.residual) / dict(key)[size]).astype(np.float32)
+        for (key, size), rows in zip(sizes.items(), moved, strict=True)
+    }
 
 
 def _over_what_is_left(model: Fit, changes: Sequence[Columns]) -> list[float]:

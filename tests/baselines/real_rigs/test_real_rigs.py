@@ -130,6 +130,8 @@ def test_the_page_says_the_result_first(examined, tmp_path):
     # two effects cannot reach an aim for all rigs
     assert "aim:" not in " ".join(sentences(found))
     assert "(aim: at least 9)" in sentences({**found, "concealed": 11, "named": 10})[0]
+    # of a rig of which only parameters are documented nothing can be found
+    assert sentences({**found, "concealed": 0, "named": 0})[0].startswith("No documented effect is concealed")
     page = build_rigs_page(found, command="flexdrive rigs")
     assert page.index("1 of 2 documented effects") < page.index("<table")
     assert "no folder" in page
