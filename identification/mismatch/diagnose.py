@@ -34,6 +34,7 @@ from identification.mismatch.force.maps import draw_maps, harmonics, located
 from identification.mismatch.force.missing_force import missing_force
 from identification.mismatch.noise.simulator import Simulator
 from identification.mismatch.selection.detection import DetectionLimit
+from identification.mismatch.selection.naming import Naming
 from identification.mismatch.selection.optima import without
 from identification.mismatch.selection.output_error import needed, output_error, share_of_error
 from identification.mismatch.selection.ranking import Round, Scored, dispensable
@@ -158,12 +159,15 @@ class _Result:
     @cached_property
     def _lasting(self) -> tuple[Fit, list[tuple[Scored, Round]]]:
         accepted, model = list(self.selection.accepted), self.selection.model
+        naming, step = Naming(self.bench, self.selection.level), self.selection.rounds[-1]
         while accepted:
             last = self._by_output_error(model, self.base)
             # a name that stands alone was asked in its round
             asked = dispensable([s for s, _ in accepted]) if len(self.selection.accepted) > 1 else []
-            shares = self.pool.map(partial(share_of_error, best=last), asked)
             first, settings = self.selection.accepted[0][0], self.bench.settings
+            shares = list(self.pool.map(partial(share_of_error, best=last), asked))
+            if first in asked and isinstance(first.candidate, Candidate):
+                shares[asked.index(first)] = naming.share_of_first(replace(first, fit=last), step, self.base)
             taken_off = sorted(zip(shares, asked, strict=True), key=lambda item: item[0])
             idle = next((s for x, s in taken_off if not needed(s, x, first=s is first, settings=settings)), None)
             if idle is None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from identification.mismatch.candidates.catalogue import Candidate
 from identification.mismatch.fitting.bench import Bench, Values
-from identification.mismatch.fitting.fit import Fit, fit
+from identification.mismatch.fitting.fit import Fit, Metric, fit
 from identification.mismatch.fitting.levels import Levels
 from identification.mismatch.fitting.score import bounded
 from identification.mismatch.selection.optima import without
@@ -54,7 +54,7 @@ def restarts(bench: Bench, near: Fit, candidates: Sequence[Candidate]) -> list[V
     return [start for c in own for _, start in hiding_starts(bench, c, without(c, near.values, plain))]
 
 
-def held_first(bench: Bench, levels: Levels, start: Values, names: Sequence[str]) -> Fit:
+def held_first(bench: Bench, levels: Metric, start: Values, names: Sequence[str]) -> Fit:
     """Fit from a start, first the base parameters alone: a gap that friction of the wrong size has closed stays closed."""
     plain = [n for n in names if "." not in n]
     held = fit(bench, levels, start, plain).values if 0 < len(plain) < len(names) else start
