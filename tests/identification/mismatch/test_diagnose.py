@@ -137,7 +137,7 @@ def test_a_name_that_no_simulation_needs_gives_way_to_the_next(monkeypatch):
     """Its share of the output error is asked within the round: what is skipped costs no round."""
     asked = []
 
-    def share(_, scored, base):
+    def share(_, scored, *_base_and_metric):
         asked.append(scored.name[0])
         return float(scored.name[0] != "ground_spring")
 
