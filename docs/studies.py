@@ -48,7 +48,8 @@ def together(studies: Iterable[str]) -> dict[str, str]:
     found = {}
     for what in chosen[0]:
         counts = [re.match(r"(\d+) of (\d+)", r[what] or "") for r in chosen]
-        if all(counts):
+        # a study without a trial of that kind has a dash
+        if any(counts) and all(c or r[what] == "–" for c, r in zip(counts, chosen, strict=True)):
             hits, of = (sum(int(c[i]) for c in counts if c) for i in (1, 2))
             found[what] = str(share([True] * hits + [False] * (of - hits)))
     return found
