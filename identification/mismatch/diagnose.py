@@ -16,7 +16,7 @@ from scipy.stats import chi2
 from threadpoolctl import threadpool_limits
 
 from flexdrive_gym import Drive, Provenance, Recording, __version__
-from flexdrive_gym.drive.parameters import checked
+from flexdrive_gym.drive.parameters import checked, parameter
 from identification.mismatch.answer.baseline import fit_tied, ratios
 from identification.mismatch.answer.covariance import uncertainty
 from identification.mismatch.answer.errors import loop_fits, recording_fits, total, velocity_rms
@@ -170,6 +170,8 @@ class _Result:
                 shares[asked.index(first)] = naming.share_of_first(replace(first, fit=last), step, self.base)
             taken_off = sorted(zip(shares, asked, strict=True), key=lambda item: item[0])
             idle = next((s for x, s in taken_off if not needed(s, x, first=s is first, settings=settings)), None)
+            # the drive that is reported must have it
+            idle = next((s for s, _ in accepted if _absent(s, last)), idle)
             if idle is None:
                 return last, accepted
             accepted = [(s, step) for s, step in accepted if s is not idle]
@@ -338,6 +340,12 @@ def _estimates(scored: Scored, drive: Drive) -> dict[str, Estimate]:
         return {}
     limits = drive.intervals
     return {short(k): Estimate(drive[k], limits.get(k, (drive[k], drive[k])), unit_of(k)) for k in candidate.keys}
+
+
+def _absent(scored: Scored, model: Fit) -> bool:
+    """Whether an effect has come to nothing in a model."""
+    candidate = scored.candidate
+    return isinstance(candidate, Candidate) and all(model.values[k] == parameter(k).null for k, _ in candidate.sizes)
 
 
 def _verdict(

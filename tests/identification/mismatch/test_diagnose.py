@@ -8,7 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identification.mismatch.diagnose import diagnose
+from identification.mismatch.candidates.catalogue import Candidate
+from identification.mismatch.diagnose import _absent, diagnose
 from identification.mismatch.fitting.fit import fit
 from identification.mismatch.selection.naming import Naming
 from identification.mismatch.selection.selector import Selector
@@ -221,3 +222,9 @@ def test_what_the_rig_description_knows_belongs_to_the_base_model():
     found = diagnose(runs, settings=QUICK, jobs=1)
     assert "ground_spring" not in {f.id for f in found.findings}
     assert found.base["ground_spring.kg"] == pytest.approx(0.05, rel=0.05)
+
+
+@pytest.mark.parametrize(("uz", "absent"), [(0.0, True), (0.04, False)])
+def test_an_effect_that_the_reported_drive_does_not_have_is_absent(uz, absent):
+    zone = Candidate("dead_zone", "actuator", (("dead_zone.uz", 0.05),))
+    assert _absent(SimpleNamespace(candidate=zone), SimpleNamespace(values={"dead_zone.uz": uz})) == absent
