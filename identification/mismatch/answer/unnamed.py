@@ -40,7 +40,9 @@ def unnamed(bench: Bench, selection: Selection, *, named: bool) -> Unnamed | Non
     if named or not first.accepted:
         return None
     shape = first.best.candidate
-    return _free(bench, first, shape) if isinstance(shape, Shape | Line) else _like(first)
+    return (
+        _free(bench, first, shape) if isinstance(shape, Shape | Line) else _like(first, tried=bool(selection.accepted))
+    )
 
 
 def _free(bench: Bench, step: Round, shape: Shape | Line) -> Unnamed:
@@ -51,14 +53,15 @@ def _free(bench: Bench, step: Round, shape: Shape | Line) -> Unnamed:
     return Unnamed(shape.where, share, f"as a function of {follows}", nearest, _curve(bench, step, shape))
 
 
-def _like(step: Round) -> Unnamed:
-    """Return what is nearest to an effect that no name describes."""
+def _like(step: Round, *, tried: bool) -> Unnamed:
+    """Return what is nearest to an effect that no name describes, ``tried`` in the simulation that fits best or not."""
     best, relevant = step.best, step.base.bench.settings.relevant
-    why = (
-        "brings recordings that are left out no nearer"
-        if isinstance(best.candidate, Candidate)
-        else f"takes less than {relevant:.0%} off the squared error of a simulation"
-    )
+    if tried:
+        why = "the simulation that fits best does without"
+    elif isinstance(best.candidate, Candidate):
+        why = "brings recordings that are left out no nearer"
+    else:
+        why = f"takes less than {relevant:.0%} off the squared error of a simulation"
     text = f"most like {phrase(best.name[0])}, which {why}"
     return Unnamed(best.name[1], share_of(best, step), text, _nearest(step.scored, best.total))
 

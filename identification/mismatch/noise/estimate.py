@@ -296,8 +296,8 @@ def estimate(
             now = now.with_scale(found, scale)
         # what differs from run to run is no force that nobody knows
         rest = now.left(bench, D, common, residual)
-    damped_ones, logarithm = modes(bench, now.directions, found, scale)
-    noise = replace(noise, scale=scale, modes=damped_ones)
+    modes, logarithm = damped_modes(bench, now.directions, found, scale)
+    noise = replace(noise, scale=scale, modes=modes)
     e = noise.white(residual - common @ now.common.astype(np.float32), bench.pool.map)
     return replace(noise, cost=float(0.5 * (e @ e) + 0.5 * (noise.logarithm(bench.valid) + logarithm)))
 
@@ -319,7 +319,7 @@ def damped(noise: Noise, found: Sequence[Direction]) -> Noise:
     if not found:
         return plain
     white = plain.innovations(np.column_stack([d.change * d.size for d in found]), noise.bench.pool.map)
-    return replace(plain, modes=modes(noise.bench, white, found, noise.scale)[0])
+    return replace(plain, modes=damped_modes(noise.bench, white, found, noise.scale)[0])
 
 
 def _level(bench: Bench, values: Values) -> tuple[float, float]:
@@ -375,7 +375,7 @@ def _own(bench: Bench, noise: Noise, rest: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.clip(share * square + (1.0 - share), 0.1, 10.0)))
 
 
-def modes(
+def damped_modes(
     bench: Bench, white: Columns, found: Sequence[Direction], scale: Mapping[str, float]
 ) -> tuple[list[SingleArray], float]:
     """Return what is damped, per recording, and the sum of the logarithms of the variances in these directions.
@@ -385,7 +385,7 @@ def modes(
     white : ndarray, shape (N, k)
         The directions, of prior size, whitened by all else.
     """
-    these, logarithm = [], 0.0
+    modes, logarithm = [], 0.0
     sizes = np.array([scale[d.group] for d in found])
     for rows in bench.rows:
         # of a tall matrix, by its products
@@ -394,6 +394,6 @@ def modes(
         seen = square > _SEEN**2
         s = np.sqrt(square[seen])
         U = D @ V[:, seen] / s
-        these.append(np.asarray(U * np.sqrt(1.0 - 1.0 / np.sqrt(1.0 + s**2)), dtype=np.float32))
+        modes.append(np.asarray(U * np.sqrt(1.0 - 1.0 / np.sqrt(1.0 + s**2)), dtype=np.float32))
         logarithm += float(np.log1p(square[seen]).sum())
-    return these, logarithm
+    return modes, logarithm

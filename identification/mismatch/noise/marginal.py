@@ -21,7 +21,7 @@ from flexdrive_gym.recording import FloatArray
 from identification.mismatch.fitting.bench import Bench, SingleArray
 from identification.mismatch.fitting.fit import Metric
 from identification.mismatch.fitting.levels import Levels
-from identification.mismatch.noise.estimate import Noise, modes
+from identification.mismatch.noise.estimate import Noise, damped_modes
 from identification.mismatch.noise.nuisance import Direction
 
 
@@ -71,14 +71,13 @@ def marginal(bench: Bench, noise: Noise, found: Sequence[Direction], *raw: Float
     levels = Levels.of(bench, *raw)
     if not found:
         return levels
-    D, scale = (
-        np.column_stack([d.change * d.size for d in found]),
-        {d.group: noise.scale.get(d.group, 1.0) for d in found},
-    )
+    D = np.column_stack([d.change * d.size for d in found])
+    # of prior size where nothing was estimated
+    scale = {d.group: noise.scale.get(d.group, 1.0) for d in found}
 
     def beside(levels: Levels) -> Marginal:
-        return Marginal(bench, levels, modes(bench, levels.white(D), found, scale)[0])
+        return Marginal(bench, levels, damped_modes(bench, levels.white(D), found, scale)[0])
 
-    # levels of what is left: a recording whose friction is unlike that of others is none of lower weight
+    # of what is left: a recording whose friction is unlike that of others has no lower weight
     first = beside(levels)
     return beside(Levels.of(bench, *(first.left(e) for e in raw)))

@@ -54,11 +54,11 @@ def restarts(bench: Bench, near: Fit, candidates: Sequence[Candidate]) -> list[V
     return [start for c in own for _, start in hiding_starts(bench, c, without(c, near.values, plain))]
 
 
-def held_first(bench: Bench, levels: Metric, start: Values, names: Sequence[str]) -> Fit:
+def held_first(bench: Bench, metric: Metric, start: Values, names: Sequence[str]) -> Fit:
     """Fit from a start, first the base parameters alone: a gap that friction of the wrong size has closed stays closed."""
     plain = [n for n in names if "." not in n]
-    held = fit(bench, levels, start, plain).values if 0 < len(plain) < len(names) else start
-    return fit(bench, levels, held, names)
+    held = fit(bench, metric, start, plain).values if 0 < len(plain) < len(names) else start
+    return fit(bench, metric, held, names)
 
 
 def share_of_error(scored: Scored, best: Fit) -> float:

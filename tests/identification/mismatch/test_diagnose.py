@@ -8,8 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identification.mismatch.candidates.catalogue import Candidate
-from identification.mismatch.diagnose import _absent, diagnose
+from identification.mismatch.diagnose import _Result, diagnose
 from identification.mismatch.fitting.fit import fit
 from identification.mismatch.selection.naming import Naming
 from identification.mismatch.selection.selector import Selector
@@ -224,7 +223,14 @@ def test_what_the_rig_description_knows_belongs_to_the_base_model():
     assert found.base["ground_spring.kg"] == pytest.approx(0.05, rel=0.05)
 
 
-@pytest.mark.parametrize(("uz", "absent"), [(0.0, True), (0.04, False)])
-def test_an_effect_that_the_reported_drive_does_not_have_is_absent(uz, absent):
-    zone = Candidate("dead_zone", "actuator", (("dead_zone.uz", 0.05),))
-    assert _absent(SimpleNamespace(candidate=zone), SimpleNamespace(values={"dead_zone.uz": uz})) == absent
+def test_what_the_reported_drive_does_not_have_is_no_finding(monkeypatch):
+    """A reader would see a name with the size zero. Here the output error has no spring to ground left."""
+    monkeypatch.setattr(_Result, "_by_output_error", lambda _, model, __: replace(model, values=_without_ground(model)))
+    found = diagnose(_runs("ground_spring"), settings=ONE_ROUND, jobs=1)
+    assert found.findings == ()
+    assert found.verdict == "unexplained"
+    assert found.unnamed.acts_on.endswith("which the simulation that fits best does without")
+
+
+def _without_ground(model):
+    return {k: 0.0 if k.startswith("ground_spring") else v for k, v in model.values.items()}
