@@ -4,6 +4,7 @@ import sys
 
 from benchmarks import (
     accuracy,
+    base_drives,
     blind_nuisance,
     controllers,
     coverage,
@@ -51,6 +52,7 @@ ALL = {
 }
 # these take minutes to hours, and options of their own
 LONG = {
+    "base_drives": base_drives.main,
     "detection": detection.main,
     "diagnosis": diagnosis.main,
     "lab": lab.main,
