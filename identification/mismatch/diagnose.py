@@ -144,12 +144,23 @@ class _Result:
 
     @cached_property
     def base(self) -> Fit:
+        """The base model: where something is left out that has no name, none of its error is friction of single runs."""
+        if self.accepted or self.nameless is None:
+            return self._beside
+        return output_error(self.bench, self.selection.first, self.selection.rounds[0].noise, ())
+
+    @cached_property
+    def _beside(self) -> Fit:
         step = self.selection.rounds[0]
         return output_error(self.bench, self.selection.first, step.noise, step.variability)
 
     @property
     def model(self) -> Fit:
-        return self._lasting[0]
+        return self._lasting[0] if self.accepted else self.base
+
+    @cached_property
+    def nameless(self) -> Unnamed | None:
+        return unnamed(self.bench, self.selection, named=bool(self.accepted))
 
     @property
     def accepted(self) -> list[tuple[Scored, Round]]:
@@ -160,7 +171,7 @@ class _Result:
     def _lasting(self) -> tuple[Fit, list[tuple[Scored, Round]]]:
         accepted, model = list(self.selection.accepted), self.selection.model
         while accepted:
-            last = self._by_output_error(model, self.base)
+            last = self._by_output_error(model, self._beside)
             asked = dispensable([s for s, _ in accepted])
             first, settings = self.selection.accepted[0][0], self.bench.settings
             shares = self.pool.map(partial(share_of_error, best=last), asked)
@@ -173,7 +184,7 @@ class _Result:
                 names = [n for n in model.names if n not in idle.candidate.keys]
                 noise = self.selection.rounds[-1].noise
                 model = fit(self.bench, noise, without(idle.candidate, model.values, names), names)
-        return self.base, []
+        return self._beside, []
 
     @property
     def runs(self) -> Sequence[Recording]:
@@ -198,7 +209,6 @@ class _Result:
         forces = list(self.pool.map(lambda r: missing_force(base.values, r), self.runs))
         maps = draw_maps(forces)
         findings = self.findings(drive)
-        nameless = unnamed(self.bench, self.selection, named=bool(findings))
         estimation = recording_fits(base, drive, self.runs, "estimation", self.runs, self.pool)
         everything = (*self.runs, *split.report)
         report = recording_fits(base, drive, split.report, "report", everything, self.pool)
@@ -207,11 +217,11 @@ class _Result:
         tied = fit_tied(self.bench, self.base) if self.topology.two_carts else None
         return in_units(
             Diagnosis(
-                verdict=_verdict(findings, nameless, estimation, ended=self.selection.ended),
+                verdict=_verdict(findings, self.nameless, estimation, ended=self.selection.ended),
                 faults=(),
                 located=located([m.of_rig(units) for m in maps]),
                 findings=findings,
-                unnamed=nameless,
+                unnamed=self.nameless,
                 handout_tied_rms=float("nan") if tied is None else velocity_rms(self.runs, tied.values, self.pool),
                 free_rms=total(estimation)[0],
                 ratios=ratios(base),

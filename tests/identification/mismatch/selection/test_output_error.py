@@ -93,6 +93,17 @@ def test_what_brings_no_recording_nearer_that_is_left_out_takes_off_nothing():
     assert left_out == 0.0 < in_sample
 
 
+def test_a_size_of_zero_takes_off_nothing():
+    """A name that the reported drive does not have is no finding."""
+    with bench_of(data_set({"input_offset.u0": 0.02})[:3]) as bench:
+        tilt = next(c for c in catalogue(TWO_CARTS) if c.name == ("tilt", "guide"))
+        levels = Levels.of(bench, bench.residual(RIG))
+        plain = fit(bench, levels, RIG, ["b1"])
+        best = fit(bench, levels, {**plain.values, **dict.fromkeys(tilt.keys, 0.0)}, ["b1", *tilt.keys], iterations=0)
+        share = share_of_error(Scored(tilt, best, np.ones(3), 1), best)
+    assert not needed(Scored(tilt, best, np.ones(3), 1), share, first=True, settings=QUICK)
+
+
 def test_what_follows_a_first_name_takes_more_off_than_chance_does():
     """No law is exact; a first name, however small, only has to bring recordings nearer that are left out."""
     tilt = next(c for c in catalogue(TWO_CARTS) if c.name == ("tilt", "guide"))
