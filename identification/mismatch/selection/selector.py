@@ -339,7 +339,7 @@ class Selector:
             weak = [
                 (rarity, less, s)
                 for rarity, less, s in left_out
-                if rarity > max(self.level, s.rarity) and self.naming.share_beside(s, last, model, less) < MOST
+                if rarity > max(self.level, s.rarity) and self.naming.share_beside(s, model, less) < MOST
             ]
             if not weak:
                 break

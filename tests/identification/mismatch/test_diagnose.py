@@ -8,14 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identification.mismatch.diagnose import diagnose
+from identification.mismatch.diagnose import _Result, diagnose
 from identification.mismatch.fitting.fit import fit
 from identification.mismatch.selection.naming import Naming
 from identification.mismatch.selection.selector import Selector
 from identification.recordings import RecordingSet, Rig
 from tests.identification.mismatch.lab import QUICK, data_set
 
-diagnosing = import_module("identification.mismatch.diagnose")
 # what is asked here does not depend on how far many candidates are fitted
 ONE_ROUND = replace(QUICK, rounds=1, proposals=2, finished=1)
 EFFECTS = {
@@ -138,7 +137,7 @@ def test_a_name_that_no_simulation_needs_gives_way_to_the_next(monkeypatch):
     """Its share of the output error is asked within the round: what is skipped costs no round."""
     asked = []
 
-    def share(_, scored, *_round_and_base):
+    def share(_, scored, *_base_and_metric):
         asked.append(scored.name[0])
         return float(scored.name[0] != "ground_spring")
 
@@ -224,20 +223,14 @@ def test_what_the_rig_description_knows_belongs_to_the_base_model():
     assert found.base["ground_spring.kg"] == pytest.approx(0.05, rel=0.05)
 
 
-def test_where_something_has_no_name_the_base_model_is_that_of_the_output_error(monkeypatch):
-    """None of its error is taken for friction of single runs, which it may not be."""
-    beside, real = [], diagnosing.output_error
-
-    def seen(bench, near, noise, found, *others, candidates=()):
-        beside.append(len(found))
-        return real(bench, near, noise, found, *others, candidates=candidates)
-
-    monkeypatch.setattr(diagnosing, "output_error", seen)
-    monkeypatch.setattr(Naming, "share", lambda *_: 0.0)
+def test_what_the_reported_drive_does_not_have_is_no_finding(monkeypatch):
+    """A reader would see a name with the size zero. Here the output error has no spring to ground left."""
+    monkeypatch.setattr(_Result, "_by_output_error", lambda _, model, __: replace(model, values=_without_ground(model)))
     found = diagnose(_runs("ground_spring"), settings=ONE_ROUND, jobs=1)
+    assert found.findings == ()
     assert found.verdict == "unexplained"
-    assert beside[-1] == 0
-    beside.clear()
-    nothing = diagnose(_runs(None), settings=ONE_ROUND, jobs=1)
-    assert nothing.verdict == "no_mismatch"
-    assert min(beside) > 0
+    assert found.unnamed.acts_on.endswith("which the simulation that fits best does without")
+
+
+def _without_ground(model):
+    return {k: 0.0 if k.startswith("ground_spring") else v for k, v in model.values.items()}

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from identification.mismatch.candidates.catalogue import Candidate
+from identification.mismatch.candidates.phases import Phase
 from identification.mismatch.selection import naming
 from identification.mismatch.selection.naming import Naming
 from identification.mismatch.selection.ranking import Scored
@@ -33,6 +34,7 @@ def test_what_a_law_that_is_inexact_leaves_is_no_other_effect(gained, share, bey
     offset = Scored(Candidate("input_offset", "actuator", (("u0", 1.0),)), None, np.full(12, 1.0), 1, 0.004)
     asked = SimpleNamespace(bench=SimpleNamespace(settings=Settings()), significant=lambda *_: [offset])
     asked.share, asked.beyond = lambda *_: share, lambda *_: beyond
+    asked.share_of_first = asked.share
     step = SimpleNamespace(scored=[offset], best=offset, null=None, base=None)
     assert offset.total == pytest.approx(11.0)
     assert (Naming.name(asked, step, None, gained) is offset) == named
@@ -42,18 +44,19 @@ def test_what_a_law_that_is_inexact_leaves_is_no_other_effect(gained, share, bey
 def test_what_a_name_takes_off_is_held_against_what_the_names_before_it_took_off(monkeypatch, share, beyond):
     """Of a squared output error of 1,000 names took 900 off: half a per cent of that is 4.5, a share of 0.045 of what is left."""
     cost = {"before": 1000.0, "with them": 100.0}
-    monkeypatch.setattr(naming, "marginal", lambda *_: None)
+    monkeypatch.setattr(naming.Levels, "of", lambda *_: None)
     monkeypatch.setattr(
-        naming, "held_first", lambda _bench, _metric, values, _names: SimpleNamespace(cost=cost[values])
+        naming, "held_first", lambda _bench, _levels, values, _names: SimpleNamespace(cost=cost[values])
     )
     before, base = (SimpleNamespace(values=v, names=(), residual=None) for v in cost)
     asked = Naming(SimpleNamespace(settings=Settings()), LEVEL)
-    step = SimpleNamespace(base=base, noise=None, variability=())
-    assert asked.beyond(SimpleNamespace(fit=base), share, step, before) == beyond
+    assert asked.beyond(SimpleNamespace(fit=base), share, base, before) == beyond
 
 
-def test_names_are_asked_beside_the_friction_of_runs_of_their_round(monkeypatch):
-    monkeypatch.setattr(naming, "marginal", lambda _bench, noise, found, *_: f"beside {found} of {noise}")
+def test_the_first_name_is_asked_beside_the_friction_of_runs_and_a_ripple_is_not(monkeypatch):
+    """A ripple with a phase of its own in every run is run-to-run variability: beside that nothing is left of it."""
+    monkeypatch.setattr(naming, "marginal", lambda *_: "beside friction of runs")
+    monkeypatch.setattr(naming.Levels, "of", lambda *_: "plain")
     monkeypatch.setattr(naming, "restarts", lambda *_: [])
     monkeypatch.setattr(
         naming, "held_first", lambda _b, metric, _v, names: SimpleNamespace(cost=len(names), metric=metric)
@@ -61,6 +64,8 @@ def test_names_are_asked_beside_the_friction_of_runs_of_their_round(monkeypatch)
     monkeypatch.setattr(naming, "share_of_error", lambda _s, best: best.metric)
     asked = Naming(SimpleNamespace(settings=Settings(), pool=SimpleNamespace(map=map)), LEVEL)
     drive = SimpleNamespace(values={}, names=(), residual=None)
-    step = SimpleNamespace(base=drive, noise="usual size", variability="friction")
+    step = SimpleNamespace(base=drive, noise=None, variability=())
     offset = SimpleNamespace(fit=drive, candidate=Candidate("input_offset", "actuator", (("u0", 1.0),)))
-    assert asked.share(offset, step, drive) == "beside friction of usual size"
+    ripple = SimpleNamespace(fit=None, candidate=Phase("cogging", "drivetrain", 20.0))
+    assert asked.share_of_first(offset, step, drive) == "beside friction of runs"
+    assert asked.share(offset, drive) == asked.share_of_first(ripple, step, drive) == "plain"

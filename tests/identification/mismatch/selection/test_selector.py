@@ -96,7 +96,7 @@ def test_a_name_that_no_simulation_needs_is_not_given(monkeypatch, share, named)
     rounds = iter((first, last))
     asked = SimpleNamespace(bench=None, topology=None, known={}, level=LEVEL, settings=Settings())
     asked.say, asked._proposed, asked._near = lambda _: None, lambda _: [], lambda *_: None
-    naming = SimpleNamespace(bench=SimpleNamespace(settings=Settings()), share=lambda *_: share)
+    naming = SimpleNamespace(bench=SimpleNamespace(settings=Settings()), share_of_first=lambda *_: share)
     naming.significant, naming.name = lambda *_: [like], partial(Naming.name, naming)
     asked._round, asked.naming = lambda *_: next(rounds), naming
     asked._backward = asked._of_one_size = lambda taken, model, _last: (taken, model)
