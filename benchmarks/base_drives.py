@@ -49,6 +49,8 @@ def main() -> None:
     given = parser.parse_args(sys.argv[2:])
     if given.draws < 1:
         parser.error(f"argument --draws: must be at least 1; got {given.draws}. An rms error takes 20.")
+    if given.first < 0 or given.jobs < 1:
+        parser.error(f"arguments --first and --jobs: must be at least 0 and 1; got {given.first} and {given.jobs}.")
     seeds = range(given.first, given.first + given.draws)
     made = joblib.Parallel(n_jobs=given.jobs)(joblib.delayed(errors)(seed) for seed in seeds)
     names = list(made[0][PLAIN])
@@ -72,7 +74,7 @@ def errors(seed: int) -> dict[str, Errors]:
         base = fit_base(bench, *without_known(topology_of(bench.recordings)))
         found = directions(bench, base.values)
         noise = estimate(bench, base.values, base.residual, found)
-        # one independent error in two seconds: amplitudes are that much smaller beside errors of rows
+        # amplitudes that much smaller beside errors of rows; all recordings of the simulator have rows of one length
         run = bench.runs[0]
         few = [replace(d, size=d.size * np.sqrt(run.block * run.sample_time / KNOT_S)) for d in found]
         usual = replace(noise, scale={group: min(size, 1.0) for group, size in noise.scale.items()})
@@ -81,7 +83,7 @@ def errors(seed: int) -> dict[str, Errors]:
             "prediction error": fit(bench, noise, base.values, base.names),
             PLAIN: plain,
             "beside variability": _beside(plain, noise, found),
-            "beside variability, one error in 2 s": _beside(plain, noise, few),
+            f"beside variability, one error in {KNOT_S:g} s": _beside(plain, noise, few),
             "the same, of usual size at most": _beside(plain, usual, few),
         }
         return {

@@ -171,7 +171,7 @@ class _Result:
             taken_off = sorted(zip(shares, asked, strict=True), key=lambda item: item[0])
             idle = next((s for x, s in taken_off if not needed(s, x, first=s is first, settings=settings)), None)
             # the drive that is reported must have it
-            idle = next((s for s, _ in accepted if _absent(s, last)), idle)
+            idle = next((s for s, _ in accepted if _of_no_size(s, last)), idle)
             if idle is None:
                 return last, accepted
             accepted = [(s, step) for s, step in accepted if s is not idle]
@@ -342,7 +342,7 @@ def _estimates(scored: Scored, drive: Drive) -> dict[str, Estimate]:
     return {short(k): Estimate(drive[k], limits.get(k, (drive[k], drive[k])), unit_of(k)) for k in candidate.keys}
 
 
-def _absent(scored: Scored, model: Fit) -> bool:
+def _of_no_size(scored: Scored, model: Fit) -> bool:
     """Whether an effect has come to nothing in a model."""
     candidate = scored.candidate
     return isinstance(candidate, Candidate) and all(model.values[k] == parameter(k).null for k, _ in candidate.sizes)
