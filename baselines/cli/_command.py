@@ -41,7 +41,12 @@ class Command(TyperCommand):
                 parameter.help = _escaped(parameter.help)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse; say what was given where it breaks a rule; refuse nan, which lies within any range, and inf."""
+        """Parse; say what was given where it breaks a rule; refuse nan, which lies within any range, inf, and nothing at all."""
+        if "" in args:
+            # as a path it would be the present folder
+            raise typer.BadParameter(
+                "an argument is empty; got ''. Is a variable of the shell unset? The present folder is '.'.", ctx=ctx
+            )
         try:
             rest = super().parse_args(ctx, args)
         except typer.BadParameter as error:
