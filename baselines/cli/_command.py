@@ -42,11 +42,14 @@ class Command(TyperCommand):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse; say what was given where it breaks a rule; refuse nan, which lies within any range, inf, and nothing at all."""
-        if "" in args:
-            # as a path it would be the present folder
-            raise typer.BadParameter(
-                "an argument is empty; got ''. Is a variable of the shell unset? The present folder is '.'.", ctx=ctx
-            )
+        for place, text in enumerate(args, start=1):
+            # as a path nothing would be the present folder
+            if not text or (text.startswith("--") and text.endswith("=")):
+                raise typer.BadParameter(
+                    f"argument {place} must not be empty; got {text!r}. Is a variable of the shell unset? "
+                    "The present folder is '.'.",
+                    ctx=ctx,
+                )
         try:
             rest = super().parse_args(ctx, args)
         except typer.BadParameter as error:

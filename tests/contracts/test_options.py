@@ -120,6 +120,7 @@ def test_every_command_that_reads_recordings_takes_a_description_and_a_choice():
 @each("command", [c for c in COMMANDS if any(p.param_type_name == "argument" for p in COMMANDS[c].params)])
 def test_nothing_is_no_path(command):
     """As a path an empty text is the present folder, which nobody asked for: a variable of a shell is unset."""
-    told = CliRunner().invoke(app, [command, ""])
-    assert told.exit_code == 2
-    assert "an argument is empty" in " ".join(told.output.split())
+    for arguments, place in (([""], 1), (["here", "--output="], 2)):
+        told = CliRunner().invoke(app, [command, *arguments])
+        assert told.exit_code == 2
+        assert f"argument {place} must not be empty" in " ".join(told.output.split())
