@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +36,7 @@ from identification.mismatch.noise.simulator import Simulator
 from identification.mismatch.selection.detection import DetectionLimit
 from identification.mismatch.selection.naming import Naming
 from identification.mismatch.selection.optima import without
-from identification.mismatch.selection.output_error import needed, output_error
+from identification.mismatch.selection.output_error import needed, output_error, share_of_error
 from identification.mismatch.selection.ranking import Round, Scored, dispensable
 from identification.mismatch.selection.selector import Selection, Selector
 from identification.mismatch.settings import Settings
@@ -145,23 +145,11 @@ class _Result:
 
     @cached_property
     def base(self) -> Fit:
-        """The base model: where something is left out that has no name, none of its error is friction of single runs."""
-        if self.accepted or self.nameless is None:
-            return self._beside
-        return output_error(self.bench, self.selection.first, self.selection.rounds[0].noise, ())
-
-    @cached_property
-    def _beside(self) -> Fit:
-        step = self.selection.rounds[0]
-        return output_error(self.bench, self.selection.first, step.noise, step.variability)
+        return output_error(self.bench, self.selection.first)
 
     @property
     def model(self) -> Fit:
-        return self._lasting[0] if self.accepted else self.base
-
-    @cached_property
-    def nameless(self) -> Unnamed | None:
-        return unnamed(self.bench, self.selection, named=bool(self.accepted))
+        return self._lasting[0]
 
     @property
     def accepted(self) -> list[tuple[Scored, Round]]:
@@ -173,16 +161,13 @@ class _Result:
         accepted, model = list(self.selection.accepted), self.selection.model
         naming, step = Naming(self.bench, self.selection.level), self.selection.rounds[-1]
         while accepted:
-            last = self._by_output_error(model, self._beside)
+            last = self._by_output_error(model, self.base)
             # a name that stands alone was asked in its round
             asked = dispensable([s for s, _ in accepted]) if len(self.selection.accepted) > 1 else []
             first, settings = self.selection.accepted[0][0], self.bench.settings
-            shares = [
-                naming.share_of_first(replace(s, fit=last), step, self._beside)
-                if s is first
-                else naming.share(replace(s, fit=last), self._beside)
-                for s in asked
-            ]
+            shares = list(self.pool.map(partial(share_of_error, best=last), asked))
+            if first in asked and isinstance(first.candidate, Candidate):
+                shares[asked.index(first)] = naming.share_of_first(replace(first, fit=last), step, self.base)
             taken_off = sorted(zip(shares, asked, strict=True), key=lambda item: item[0])
             idle = next((s for x, s in taken_off if not needed(s, x, first=s is first, settings=settings)), None)
             # the drive that is reported must have it
@@ -194,7 +179,7 @@ class _Result:
                 names = [n for n in model.names if n not in idle.candidate.keys]
                 noise = self.selection.rounds[-1].noise
                 model = fit(self.bench, noise, without(idle.candidate, model.values, names), names)
-        return self._beside, []
+        return self.base, []
 
     @property
     def runs(self) -> Sequence[Recording]:
@@ -219,6 +204,7 @@ class _Result:
         forces = list(self.pool.map(lambda r: missing_force(base.values, r), self.runs))
         maps = draw_maps(forces)
         findings = self.findings(drive)
+        nameless = unnamed(self.bench, self.selection, named=bool(findings))
         estimation = recording_fits(base, drive, self.runs, "estimation", self.runs, self.pool)
         everything = (*self.runs, *split.report)
         report = recording_fits(base, drive, split.report, "report", everything, self.pool)
@@ -227,11 +213,11 @@ class _Result:
         tied = fit_tied(self.bench, self.base) if self.topology.two_carts else None
         return in_units(
             Diagnosis(
-                verdict=_verdict(findings, self.nameless, estimation, ended=self.selection.ended),
+                verdict=_verdict(findings, nameless, estimation, ended=self.selection.ended),
                 faults=(),
                 located=located([m.of_rig(units) for m in maps]),
                 findings=findings,
-                unnamed=self.nameless,
+                unnamed=nameless,
                 handout_tied_rms=float("nan") if tied is None else velocity_rms(self.runs, tied.values, self.pool),
                 free_rms=total(estimation)[0],
                 ratios=ratios(base),
@@ -304,8 +290,7 @@ class _Result:
     def _by_output_error(self, model: Fit, other: Fit) -> Fit:
         """Return the optimum of the output error of a model with some of what was accepted, held against another."""
         own = [s.candidate for s, _ in self.selection.accepted if isinstance(s.candidate, Candidate)]
-        step = self.selection.rounds[-1]
-        return output_error(self.bench, model, step.noise, step.variability, other, candidates=own)
+        return output_error(self.bench, model, other, candidates=own)
 
     def finding(self, scored: Scored, step: Round, drive: Drive, before: Fit, after: Fit) -> Finding:
         """Return an accepted candidate with what speaks for it; what is named beside it is no tie."""

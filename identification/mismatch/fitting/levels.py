@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexdrive_gym.recording import FloatArray
-from identification.mismatch.fitting.bench import Bench, Columns
+from identification.mismatch.fitting.bench import Bench
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +36,6 @@ class Levels:
             weights[piece.rows] = bench.valid[piece.rows] / np.sqrt(variance)
         return cls(weights)
 
-    def white(self, x: Columns) -> FloatArray:
+    def white(self, x: FloatArray) -> FloatArray:
         """Return weighted rows, shape (N,) or (N, k)."""
         return np.asarray(x * (self.weights if x.ndim == 1 else self.weights[:, None]))

@@ -5,7 +5,8 @@ direction near the usual drive jumps at others. Random effects that are not line
 (M. J. Lindstrom, D. M. Bates, Biometrics 46, 1990): the direction of such a recording is the secant to the friction that is
 most probable in it. It is taken only where it leaves less than the most probable amount of the force along the motion does,
 and by more than the best of so many amounts does by chance. Far from the data nobody's friction is extreme, so squares count
-relative to what the usual friction leaves of a row. Bristles rub as much more as what slides does.
+relative to what the usual friction leaves of a row. A cart with bristles has no secants: long ones let go little by little, short
+ones do not, and would need them (``docs/decisions/0051``).
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 from flexdrive_gym.recording import FloatArray
 from identification.mismatch.fitting.bench import Bench, Values
 from identification.mismatch.noise.estimate import Noise
-from identification.mismatch.noise.friction import dry
+from identification.mismatch.noise.friction import dry_level
 from identification.mismatch.noise.nuisance import Direction, friction_of
 
 # amounts of friction that are simulated, in its standard deviations between runs
@@ -40,12 +41,11 @@ def with_secants(bench: Bench, values: Values, found: Sequence[Direction], noise
     here = bench.residual(values)
     made = list(found)
     for c in range(bench.carts):
+        level = f"d{c + 1}"
         at = next((i for i, d in enumerate(found) if d.group == friction_of(c)), None)
-        if at is not None:
-            size, own = found[at].size, dry(values, c)
-            many = bench.residuals(
-                [{**values, **{n: level * (1.0 + size * x) for n, level in own.items()}} for x in _AMOUNTS]
-            )
+        if at is not None and values.get(level) == dry_level(values, c):
+            size = found[at].size
+            many = bench.residuals([{**values, level: values[level] * (1.0 + size * x)} for x in _AMOUNTS])
             made[at] = replace(found[at], change=_likeliest(bench, noise, here, np.column_stack(many), found[at]))
     return made
 

@@ -43,21 +43,16 @@ def level_along(values: Values, run: Run, c: int) -> FloatArray:
     states[0 : 2 * len(v) : 2], states[1 : 2 * len(v) : 2] = run.track[: len(v)], v
     p, memory, z = drive_vector(values, run), np.zeros(WORK_SPACE), np.zeros(WORKSPACE)
     _levels(run.sample_time, states, memory, z, p, out)
-    return np.asarray(out[c] + values.get(_bristles(c), 0.0))
+    return np.asarray(out[c] + _bristles(values, c))
 
 
 def dry_level(values: Values, c: int) -> float:
     """Return a cart's dry friction while it moves [V]."""
-    return sum(dry(values, c).values())
+    return values.get(f"d{c + 1}", 0.0) + _bristles(values, c)
 
 
-def dry(values: Values, c: int) -> dict[str, float]:
-    """Return the parameters that make up a cart's dry friction while it moves [V]: Coulomb friction, and that of bristles."""
-    return {name: values[name] for name in (f"d{c + 1}", _bristles(c)) if name in values}
-
-
-def _bristles(c: int) -> str:
-    return f"presliding.cart_{c + 1}.fd"
+def _bristles(values: Values, c: int) -> float:
+    return values.get(f"presliding.cart_{c + 1}.fd", 0.0)
 
 
 def speed(y: FloatArray, h: float, *, positions: bool) -> FloatArray:

@@ -6,8 +6,7 @@ On cart c it is a force
    - g\, b_c v_c + \sum_j h_j \sin(2\pi x_c/\lambda_j + \varphi_j) ,
 
 with the dry friction :math:`d_c(t)` of the drive along the measured motion, which a load or a place may change; a friction
-level l, hat functions :math:`\Lambda_k` every two seconds, wavelengths half an octave apart and viscous friction g along the
-simulated motion, because unknown forces are in the measured speed and would pass for less friction; the
+level l, hat functions :math:`\Lambda_k` every two seconds, wavelengths half an octave apart and viscous friction g; the
 deflection in which the spring starts; the time between command and reading, which is
 known to a sample at best; and the hysteresis of an encoder, a fraction of a count.
 Amplitudes are random effects of every recording. The prior standard deviations of forces that dry friction scales
@@ -31,9 +30,8 @@ import numpy as np
 
 from flexdrive_gym.recording import FloatArray
 from flexdrive_gym.units import Units
-from identification.mismatch.fitting.bench import Bench, Values, free
+from identification.mismatch.fitting.bench import Bench, Values
 from identification.mismatch.noise.friction import dry_level, level_along, moving, speed
-from identification.replay.output_error import simulate_run
 
 # relative to dry friction: between runs, within a run, along the track; and forces along the track
 LEVEL, WANDER, ROUGH, HILLS = 0.06, 0.04, 0.026, 0.011
@@ -142,11 +140,7 @@ def _on_cart(bench: Bench, values: Values, c: int, typical: float) -> list[Push]
     made: list[Push] = []
     along = [(f"hills {cart}", HILLS, ones)]
     if b > 0.0:
-        # of the simulated speed: unknown forces are in the measured one, and would look like less friction
-        moves = [simulate_run(values, free(run))[c] for run in bench.runs]
-        drag = [
-            -b * speed(v, run.sample_time, positions=run.positions) for v, run in zip(moves, bench.runs, strict=True)
-        ]
+        drag = [-b * speed(run.measured[c], run.sample_time, positions=run.positions) for run in bench.runs]
         made.append(Push(f"viscous friction {cart}", VISCOUS, partial(_shaped, c, drag, None)))
     if own > 0.0:
         against = [

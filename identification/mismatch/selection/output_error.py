@@ -1,4 +1,4 @@
-"""Output error beside run-to-run variability, which judges long horizons (:mod:`identification.mismatch.noise.marginal`).
+"""Output error: rows weighted by the level of error of their recording and cart, which judge long horizons.
 
 Names are selected by prediction errors, which tell laws apart within milliseconds. A drive that lacks something predicts well
 with friction that simulates badly, so the drives that a diagnosis reports, and predicts from, are fitted once more by output
@@ -17,9 +17,6 @@ from identification.mismatch.fitting.bench import Bench, Values
 from identification.mismatch.fitting.fit import Fit, Metric, fit
 from identification.mismatch.fitting.levels import Levels
 from identification.mismatch.fitting.score import bounded
-from identification.mismatch.noise.estimate import Noise
-from identification.mismatch.noise.marginal import marginal
-from identification.mismatch.noise.nuisance import Direction
 from identification.mismatch.selection.optima import without
 from identification.mismatch.selection.ranking import Scored
 from identification.mismatch.selection.start import hiding_starts
@@ -29,20 +26,11 @@ from identification.mismatch.settings import Settings
 _ROUNDS = 2
 
 
-def output_error(
-    bench: Bench,
-    near: Fit,
-    noise: Noise,
-    found: Sequence[Direction],
-    *others: Fit,
-    candidates: Sequence[Candidate] = (),
-) -> Fit:
+def output_error(bench: Bench, near: Fit, *others: Fit, candidates: Sequence[Candidate] = ()) -> Fit:
     """Return the optimum of the output error from another optimum of the same parameters.
 
     Parameters
     ----------
-    noise, found
-        Run-to-run variability that it is beside.
     others
         Models that it is to be held against: their levels count, too, and their parameters are another start.
     candidates
@@ -50,9 +38,9 @@ def output_error(
     """
     best, more = near, restarts(bench, near, candidates)
     for _ in range(_ROUNDS):
-        metric = marginal(bench, noise, found, best.residual, *(o.residual for o in others))
+        levels = Levels.of(bench, best.residual, *(o.residual for o in others))
         starts = [best.values, *({**best.values, **o.values} for o in others), *more]
-        best = min(bench.pool.map(partial(held_first, bench, metric, names=near.names), starts), key=lambda f: f.cost)
+        best = min(bench.pool.map(partial(held_first, bench, levels, names=near.names), starts), key=lambda f: f.cost)
     return best
 
 
@@ -91,10 +79,8 @@ def share_of_error(scored: Scored, best: Fit) -> float:
     """
     candidate = scored.candidate
     if not isinstance(candidate, Candidate):
-        # it is run-to-run variability itself, which the metric takes off
-        levels = Levels.of(best.bench, best.residual)
-        made = levels.white(np.column_stack([d.size * d.change for d in scored.variability]))
-        return float(np.sum(made**2)) / max(float(np.sum(levels.white(best.residual) ** 2)), 1e-300)
+        made = best.metric.white(np.column_stack([d.size * d.change for d in scored.variability]))
+        return float(np.sum(made**2)) / max(best.cost, 1e-300)
     names = [n for n in best.names if n not in candidate.keys]
     less = fit(best.bench, best.metric, without(candidate, best.values, names), names)
     own = 1.0 - best.cost / max(less.cost, 1e-300) if _left_out(less, best) > 0.0 else 0.0

@@ -15,7 +15,6 @@ from identification.mismatch.selection.selector import Selector
 from identification.recordings import RecordingSet, Rig
 from tests.identification.mismatch.lab import QUICK, data_set
 
-diagnosing = import_module("identification.mismatch.diagnose")
 # what is asked here does not depend on how far many candidates are fitted
 ONE_ROUND = replace(QUICK, rounds=1, proposals=2, finished=1)
 EFFECTS = {
@@ -231,25 +230,6 @@ def test_what_the_reported_drive_does_not_have_is_no_finding(monkeypatch):
     assert found.findings == ()
     assert found.verdict == "unexplained"
     assert found.unnamed.acts_on.endswith("which the simulation that fits best does without")
-
-
-def test_where_something_has_no_name_the_base_model_is_that_of_the_output_error(monkeypatch):
-    """None of its error is taken for friction of single runs, which it may not be."""
-    beside, real = [], diagnosing.output_error
-
-    def seen(bench, near, noise, found, *others, candidates=()):
-        beside.append(len(found))
-        return real(bench, near, noise, found, *others, candidates=candidates)
-
-    monkeypatch.setattr(diagnosing, "output_error", seen)
-    monkeypatch.setattr(Naming, "share", lambda *_: 0.0)
-    found = diagnose(_runs("ground_spring"), settings=ONE_ROUND, jobs=1)
-    assert found.verdict == "unexplained"
-    assert beside[-1] == 0
-    beside.clear()
-    nothing = diagnose(_runs(None), settings=ONE_ROUND, jobs=1)
-    assert nothing.verdict == "no_mismatch"
-    assert min(beside) > 0
 
 
 def _without_ground(model):

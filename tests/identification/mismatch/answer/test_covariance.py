@@ -1,17 +1,11 @@
 """Intervals of parameters: as many standard errors as simulated data sets need."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from identification.mismatch.answer.covariance import _Sums, uncertainty
+from identification.mismatch.answer.covariance import uncertainty
 from identification.mismatch.fitting.fit import fit
 from identification.mismatch.fitting.levels import Levels
-from identification.mismatch.fitting.score import Normal
-from identification.mismatch.noise.estimate import first_noise
-from identification.mismatch.noise.marginal import marginal
-from identification.mismatch.noise.nuisance import directions
 from identification.topology import TWO_CARTS
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import bench_of, data_set
@@ -20,15 +14,14 @@ from tests.identification.mismatch.lab import bench_of, data_set
 @pytest.fixture(scope="module")
 def best():
     with bench_of(data_set()) as bench:
-        metric = marginal(bench, first_noise(bench, RIG), (), bench.residual(RIG))
-        yield fit(bench, metric, RIG, TWO_CARTS.free)
+        levels = Levels.of(bench, bench.residual(RIG))
+        yield fit(bench, levels, RIG, TWO_CARTS.free)
 
 
 @pytest.fixture(scope="module")
 def white(best):
     """Simulated errors that are independent, as large as those of the data."""
-    weights = best.metric.levels.weights
-    size = np.where(weights > 0.0, 1.0 / np.maximum(weights, 1e-12), 0.0)
+    size = np.where(best.metric.weights > 0.0, 1.0 / np.maximum(best.metric.weights, 1e-12), 0.0)
     return size[:, None] * np.random.default_rng(0).standard_normal((len(size), 200))
 
 
@@ -57,23 +50,3 @@ def test_how_large_simulated_errors_are_does_not_matter(best, white):
     assert width(uncertainty(best, 0.1 * white)[0], "k") == pytest.approx(
         width(uncertainty(best, white)[0], "k"), rel=0.2
     )
-
-
-def test_sums_over_pieces_are_those_of_whitened_rows(best, white):
-    """Simulated data sets are held against variability by sums over recordings and carts, the fit itself by rows."""
-    bench, found = best.bench, directions(best.bench, RIG)
-    beside = replace(best, metric=marginal(bench, first_noise(bench, RIG), found, best.residual))
-    sums = _Sums.of(beside, white[:, :2])
-    weights = np.repeat(sums.weights[:, None], 2, axis=1)
-    (by_sums, _), inner = sums.normal(weights), best.jacobian[:, best.interior]
-    by_rows = Normal.of(bench.products(beside.metric.white(np.column_stack([inner, white[:, 0]]))))
-    assert by_sums.information == pytest.approx(by_rows.information, rel=0.03)
-    assert by_sums.solve() == pytest.approx(by_rows.solve(), rel=0.02)
-    again = sums.again(weights, np.zeros((inner.shape[1], 2)))[:, 0]
-    levels = Levels.of(bench, beside.metric.left(white[:, 0]))
-    assert again == pytest.approx([np.max(levels.weights[p.rows]) ** 2 for p in bench.pieces], rel=0.01)
-
-
-def test_another_metric_is_refused(best, white):
-    with pytest.raises(TypeError, match="output error; got one in the metric Levels"):
-        uncertainty(replace(best, metric=Levels.of(best.bench, best.residual)), white)

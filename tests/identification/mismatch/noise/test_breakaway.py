@@ -52,7 +52,15 @@ def test_a_drive_without_dry_friction_has_none_of_its_own():
         assert with_secants(bench, rig, found, first_noise(bench, rig)) == found
 
 
-@pytest.mark.parametrize("length", [0.1, 0.005])
+@pytest.mark.parametrize(
+    "length",
+    [
+        0.1,
+        pytest.param(
+            0.005, marks=pytest.mark.xfail(reason="a cart with bristles has no secants (decision 51)", strict=True)
+        ),
+    ],
+)
 def test_friction_that_bends_before_it_slides_is_variability_too(length):
     """Bristles of a tenth of a millimetre let go little by little; those of five micrometres as dry friction does."""
     key = "presliding.cart_2"

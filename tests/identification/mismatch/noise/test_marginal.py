@@ -19,11 +19,11 @@ from tests.identification.mismatch.lab import bench_of, data_set
 FRICTION = (1.12, 0.93, 1.04, 0.88, 1.08, 0.95)
 
 
-def _restless(effect=None, second=None):
-    """Runs of one rig whose dry friction differs from run to run; that of cart 2 by ``second``, else as much as of cart 1."""
+def _restless(effect=None):
+    """Runs of one rig whose dry friction differs from run to run."""
     runs = []
-    for i, (d, other) in enumerate(zip(FRICTION, second or [2.0 - d for d in FRICTION], strict=True)):
-        rig = {**RIG, "d1": d * RIG["d1"], "d2": other * RIG["d2"]}
+    for i, d in enumerate(FRICTION):
+        rig = {**RIG, "d1": d * RIG["d1"], "d2": (2.0 - d) * RIG["d2"]}
         (run,) = data_set(effect, rig=rig, kinds=(("sine", 2.5, 1.0 + 0.3 * i),), first=i)
         runs.append(replace(run, name=f"run {i}"))
     return runs
@@ -40,8 +40,7 @@ def test_friction_of_single_runs_makes_most_of_the_output_error_and_is_none_of_i
         e = bench.residual(RIG)
         _, beside = _metrics(bench, e)
         left = beside.left(e)
-        # of runs of 2.5 s, which tell their own friction by little more than one independent error
-        assert np.sum(left**2) < 0.2 * np.sum(e**2)
+        assert np.sum(left**2) < 0.1 * np.sum(e**2)
         # of what is left every recording has its own level
         square = bench.sums(beside.white(e)[:, None] ** 2)[:, 0]
     assert square.max() < 5.0 * np.median(square)
@@ -73,12 +72,3 @@ def test_a_small_effect_brings_left_out_runs_nearer_beside_their_friction():
     assert beside > 0.05
     off = [abs(best.values["hardening_spring.k3"] - 3e-5) for best in fits]
     assert off[1] < off[0]
-
-
-def test_friction_of_single_runs_hides_less_of_a_drive_than_in_the_output_error():
-    """Friction that grows with the frequency of the runs by chance looks viscous, or like another spring."""
-    with bench_of(_restless(second=(0.88, 0.93, 0.97, 1.03, 1.07, 1.12))) as bench:
-        names = ("m1", "m2", "b1", "b2", "d1", "d2", "k")
-        fits = [fit(bench, m, RIG, names) for m in _metrics(bench, bench.residual(RIG))]
-    alone, beside = (np.array([np.log(best.values[n] / RIG[n]) for n in names]) for best in fits)
-    assert np.sqrt(np.mean(beside**2)) < 0.5 * np.sqrt(np.mean(alone**2))

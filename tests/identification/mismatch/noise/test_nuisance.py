@@ -1,8 +1,5 @@
 """What differs between recordings of any rig."""
 
-from copy import copy
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -34,25 +31,6 @@ def test_every_cart_has_its_own_friction_and_ripples(bench):
         assert {f"{what} {cart}" for what in ("friction", "viscous friction", "wander")} <= groups
         assert {f"{what} {cart}, {band}" for what in ("rough track", "hills") for band in WAVES_MM} <= groups
     assert "start deflection" in groups
-
-
-def test_viscous_friction_of_a_run_is_what_a_share_more_of_it_does(bench):
-    for c in (1, 2):
-        (own,) = [d for d in directions(bench, RIG) if d.group == f"viscous friction of cart {c}"]
-        more = bench.residual({**RIG, f"b{c}": 1.01 * RIG[f"b{c}"]}) - bench.residual(RIG)
-        assert np.linalg.norm(more - 0.01 * own.change) < 0.1 * np.linalg.norm(more)
-
-
-def test_viscous_friction_of_a_run_does_not_follow_what_unknown_forces_do(bench):
-    """They are in the measured speed: where it is fast, they pushed, and a regressor of it would find less friction."""
-    rng, shaken = np.random.default_rng(0), copy(bench)
-    shaken.runs = [
-        replace(run, measured=[v + 20.0 * rng.standard_normal(len(v)) for v in run.measured]) for run in bench.runs
-    ]
-    one, other = (
-        [d.change for d in directions(b, RIG) if d.group.startswith("viscous friction")] for b in (bench, shaken)
-    )
-    assert np.array_equal(one, other)
 
 
 def test_the_track_of_an_axis_that_turns_repeats_with_every_turn():

@@ -9,7 +9,6 @@ from identification.mismatch.candidates.catalogue import catalogue
 from identification.mismatch.candidates.phases import Phase
 from identification.mismatch.fitting.fit import Coordinates, fit
 from identification.mismatch.fitting.levels import Levels
-from identification.mismatch.noise.estimate import first_noise
 from identification.mismatch.noise.nuisance import Direction
 from identification.mismatch.selection.output_error import held_first, needed, output_error, share_of_error
 from identification.mismatch.selection.ranking import Scored
@@ -51,8 +50,7 @@ def test_bristles_are_found_from_the_wrong_share_of_friction():
     with bench_of(data_set(effect, kinds=kinds, rig=own)) as bench:
         wrong = {**own, "d1": 0.32, f"{bristles}.fd": 0.12, f"{bristles}.xs": 0.44}
         near = fit(bench, Levels.of(bench, bench.residual(wrong)), wrong, (*RIG, *effect))
-        noise = first_noise(bench, wrong)
-        stayed, found = (output_error(bench, near, noise, (), candidates=own) for own in ([], [candidate]))
+        stayed, found = output_error(bench, near), output_error(bench, near, candidates=[candidate])
     assert found.values[f"{bristles}.fd"] == pytest.approx(0.35, rel=0.1)
     assert found.values[f"{bristles}.xs"] == pytest.approx(0.1, rel=0.1)
     assert np.sum(found.residual**2) < 0.5 * np.sum(stayed.residual**2)
@@ -68,9 +66,8 @@ def test_a_ripple_with_a_phase_of_its_own_takes_off_what_its_amplitude_makes():
         share = share_of_error(
             Scored(Phase("cogging", "drivetrain", 20.0), None, np.ones(2), 2, variability=parts), best
         )
-        # a sine and a cosine of standard deviation 2 have the square 4 in every row
-        levels = Levels.of(bench, best.residual)
-    assert np.isclose(share, 4.0 * np.sum(levels.weights**2) / np.sum(levels.white(best.residual) ** 2))
+    # a sine and a cosine of standard deviation 2 have the square 4 in every row
+    assert np.isclose(share, 4.0 * np.sum(levels.weights**2) / best.cost)
 
 
 def _of_constant_forces(*signs):
@@ -91,17 +88,6 @@ def test_what_brings_no_recording_nearer_that_is_left_out_takes_off_nothing():
     assert in_sample > 0.9
     left_out, in_sample = _of_constant_forces(1, -1, -1, 1)
     assert left_out == 0.0 < in_sample
-
-
-def test_a_size_of_zero_takes_off_nothing():
-    """A name that the reported drive does not have is no finding."""
-    with bench_of(data_set({"input_offset.u0": 0.02})[:3]) as bench:
-        tilt = next(c for c in catalogue(TWO_CARTS) if c.name == ("tilt", "guide"))
-        levels = Levels.of(bench, bench.residual(RIG))
-        plain = fit(bench, levels, RIG, ["b1"])
-        best = fit(bench, levels, {**plain.values, **dict.fromkeys(tilt.keys, 0.0)}, ["b1", *tilt.keys], iterations=0)
-        share = share_of_error(Scored(tilt, best, np.ones(3), 1), best)
-    assert not needed(Scored(tilt, best, np.ones(3), 1), share, first=True, settings=QUICK)
 
 
 def test_what_follows_a_first_name_takes_more_off_than_chance_does():
