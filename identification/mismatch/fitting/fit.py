@@ -24,8 +24,9 @@ from identification.mismatch.fitting.score import Normal, bounded
 
 # step of a finite difference, in scaled coordinates, far above round-off: sticking makes residuals smooth only piece by piece
 _STEP = 2e-3
-# a rate beyond which an effect is as good as instantaneous [1/s]
-_FASTEST = 1e4
+# a rate beyond which an effect is as good as instantaneous [1/s]: it is over within a fifteenth of a row, and changes rows by
+# less than encoders round; a simulation takes as many steps a millisecond as its rate has thousands
+_FASTEST = 3e3
 
 
 class Metric(Protocol):

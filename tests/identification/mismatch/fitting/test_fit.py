@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identification.mismatch.fitting.fit import Coordinates, fit, gain_of
+from identification.mismatch.fitting.fit import Coordinates, fit, gain_of, resolved
 from identification.mismatch.noise.estimate import first_noise
 from tests.drive.drives import RIG
 from tests.identification.mismatch.lab import bench_of, data_set
@@ -31,6 +31,29 @@ def test_a_motor_of_a_hundredth_of_its_cart_follows_the_command_as_far_as_encode
     assert np.sqrt(np.mean(change[bench.valid] ** 2)) < np.sqrt(np.mean(bench.floor))
     assert Coordinates([key], RIG).lower == pytest.approx(0.01 * lighter)
     assert Coordinates(["m2"], RIG).lower < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("effect", "at_once"),
+    [
+        ({"extra_mode.mass_1": 5.0 * RIG["m1"], "extra_mode.frequency": 100.0, "extra_mode.zeta": 0.5}, 6.0),
+        (
+            {
+                "motor_gear_backlash.mass": 0.2 * RIG["m1"],
+                "motor_gear_backlash.gap": 1e-3,
+                "motor_gear_backlash.kc": 8e5 * RIG["m1"],
+            },
+            1.2,
+        ),
+        ({"amplifier_lag.tau": 0.32e-3}, 1.0),
+    ],
+    ids=["a stiff appendage", "a hard contact", "a short lag"],
+)
+def test_what_no_fit_follows_is_as_good_as_instantaneous_as_far_as_encoders_tell(bench, effect, at_once):
+    """An appendage that follows at once is mass of its cart, and so is a motor without a gap."""
+    change = bench.residual({**RIG, **effect}) - bench.residual({**RIG, "m1": at_once * RIG["m1"]})
+    assert not resolved({**RIG, **effect})
+    assert np.sqrt(np.mean(change[bench.valid] ** 2)) < np.sqrt(np.mean(bench.floor))
 
 
 def test_a_fit_finds_the_drive(found):
