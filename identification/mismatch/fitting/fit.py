@@ -24,9 +24,9 @@ from identification.mismatch.fitting.score import Normal, bounded
 
 # step of a finite difference, in scaled coordinates, far above round-off: sticking makes residuals smooth only piece by piece
 _STEP = 2e-3
-# a rate beyond which an effect is as good as instantaneous [1/s]: it is over within a fifteenth of a row, and changes rows by
-# less than encoders round; a simulation takes as many steps a millisecond as its rate has thousands
-_FASTEST = 3e3
+# the fastest rate of an effect that a fit may reach [1/s]: a simulation takes as many steps a millisecond as it has thousands. No
+# lag is faster, for a short one needs no finer steps
+_FASTEST = 5e3
 
 
 class Metric(Protocol):
@@ -117,7 +117,7 @@ def gain_of(without: Fit, with_: Fit) -> FloatArray:
 
 def resolved(values: Values) -> bool:
     """Whether a simulation resolves a drive: what is as good as rigid takes thousands of steps a sample for nothing."""
-    return fastest(values)[0] < _FASTEST
+    return fastest(values)[0] <= _FASTEST
 
 
 class Coordinates:
