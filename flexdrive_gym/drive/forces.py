@@ -32,7 +32,8 @@ from flexdrive_gym.drive.simd.pack import chosen, raised
 W1, W2 = 0, 1
 LIMIT = LAYOUT["saturation.limit"].index
 _COMMANDS, _READS_1, _READS_2 = FLAG["command", None], FLAG["reading", "encoder_1"], FLAG["reading", "encoder_2"]
-_RECOILS = FLAG["track", None]
+# a track that gives way: what one cart does says whether the other sticks
+RECOILS = FLAG["track", None]
 
 _command_base, _command_full = chain("command", base=True), chain("command", base=False)
 _actuator = chain("actuator", base=False)
@@ -177,16 +178,12 @@ def _recoil(s1: float, s2: float, f1: float, f2: float, z: Any, r: int, p: Any) 
 
 
 @inlined
-def _direction(v: float) -> float:
-    return chosen(v > 0.0, 1.0, chosen(v < 0.0, -1.0, 0.0))
-
-
-@inlined
-def _margin_1(x1: float, x2: float, v2: float, u: float, t: float, z: Any, r: int, p: Any) -> tuple[float, float]:
+def _margin_1(
+    x1: float, x2: float, v2: float, s2: float, u: float, t: float, z: Any, r: int, p: Any
+) -> tuple[float, float]:
     fs = spring_force(x1 - x2, -v2, z, r, p)
     force = force_1(x1, 0.0, 0.0, u, fs, t, z, z, r, p)
-    if z is not None and raised(z, _RECOILS):
-        s2 = _direction(v2)
+    if z is not None and raised(z, RECOILS):
         pull = force_2(x2, v2, s2, fs, t, z, z, r, p) - s2 * level_2(x2, v2, s2, fs, t, z, z, r, p)
         force = force - _recoil(0.0, s2, 0.0, pull, z, r, p) / p[W1]
     s = chosen(force > 0.0, 1.0, -1.0)
@@ -194,11 +191,12 @@ def _margin_1(x1: float, x2: float, v2: float, u: float, t: float, z: Any, r: in
 
 
 @inlined
-def _margin_2(x1: float, x2: float, v1: float, u: float, t: float, z: Any, r: int, p: Any) -> tuple[float, float]:
+def _margin_2(
+    x1: float, x2: float, v1: float, s1: float, u: float, t: float, z: Any, r: int, p: Any
+) -> tuple[float, float]:
     fs = spring_force(x1 - x2, v1, z, r, p)
     force = force_2(x2, 0.0, 0.0, fs, t, z, z, r, p)
-    if z is not None and p[W2] > 0.0 and raised(z, _RECOILS):
-        s1 = _direction(v1)
+    if z is not None and p[W2] > 0.0 and raised(z, RECOILS):
         push = force_1(x1, v1, s1, u, fs, t, z, z, r, p) - s1 * level_1(x1, v1, s1, fs, t, z, z, r, p)
         force = force - _recoil(s1, 0.0, push, 0.0, z, r, p) / p[W2]
     s = chosen(force > 0.0, 1.0, -1.0)
@@ -206,29 +204,43 @@ def _margin_2(x1: float, x2: float, v1: float, u: float, t: float, z: Any, r: in
 
 
 @called
-def _margin_1_full(x1: float, x2: float, v2: float, u: float, t: float, z: Any, r: Any, p: Any) -> tuple[float, float]:
-    return _margin_1(x1, x2, v2, u, t, z, r, p)
+def _margin_1_full(
+    x1: float, x2: float, v2: float, s2: float, u: float, t: float, z: Any, r: Any, p: Any
+) -> tuple[float, float]:
+    return _margin_1(x1, x2, v2, s2, u, t, z, r, p)
 
 
 @called
-def _margin_2_full(x1: float, x2: float, v1: float, u: float, t: float, z: Any, r: Any, p: Any) -> tuple[float, float]:
-    return _margin_2(x1, x2, v1, u, t, z, r, p)
+def _margin_2_full(
+    x1: float, x2: float, v1: float, s1: float, u: float, t: float, z: Any, r: Any, p: Any
+) -> tuple[float, float]:
+    return _margin_2(x1, x2, v1, s1, u, t, z, r, p)
 
 
 @inlined
-def margin_1(x1: float, x2: float, v2: float, u: float, t: float, z: Any, r: int, p: Any) -> tuple[float, float]:
-    """Return by how much the force on cart 1 at rest leaves the friction set [V], negative while held, and its sign."""
+def margin_1(
+    x1: float, x2: float, v2: float, s2: float, u: float, t: float, z: Any, r: int, p: Any
+) -> tuple[float, float]:
+    """Return by how much the force on cart 1 at rest leaves the friction set [V], negative while held, and its sign.
+
+    Cart 2 slides in direction s2, or sticks.
+    """
     if z is None:
-        return _margin_1(x1, x2, v2, u, t, z, r, p)
-    return _margin_1_full(x1, x2, v2, u, t, z, row(r), p)
+        return _margin_1(x1, x2, v2, s2, u, t, z, r, p)
+    return _margin_1_full(x1, x2, v2, s2, u, t, z, row(r), p)
 
 
 @inlined
-def margin_2(x1: float, x2: float, v1: float, u: float, t: float, z: Any, r: int, p: Any) -> tuple[float, float]:
-    """Return by how much the force on cart 2 at rest leaves the friction set [V], negative while held, and its sign."""
+def margin_2(
+    x1: float, x2: float, v1: float, s1: float, u: float, t: float, z: Any, r: int, p: Any
+) -> tuple[float, float]:
+    """Return by how much the force on cart 2 at rest leaves the friction set [V], negative while held, and its sign.
+
+    Cart 1 slides in direction s1, or sticks.
+    """
     if z is None:
-        return _margin_2(x1, x2, v1, u, t, z, r, p)
-    return _margin_2_full(x1, x2, v1, u, t, z, row(r), p)
+        return _margin_2(x1, x2, v1, s1, u, t, z, r, p)
+    return _margin_2_full(x1, x2, v1, s1, u, t, z, row(r), p)
 
 
 @inlined
@@ -251,7 +263,7 @@ def accelerations(
     f1 = force_1(x1, v1, s1, u, fs, t, z, c, r, p) - s1 * level_1(x1, v1, s1, fs, t, z, c, r, p)
     f2 = force_2(x2, v2, s2, fs, t, z, c, r, p) - s2 * level_2(x2, v2, s2, fs, t, z, c, r, p)
     a1, a2 = p[W1] * f1, p[W2] * f2
-    if z is not None and raised(z, _RECOILS):
+    if z is not None and raised(z, RECOILS):
         a = _recoil(s1, s2, f1, f2, z, r, p)
         z[RECOIL] = a
         a1 = a1 - a

@@ -34,6 +34,7 @@ from flexdrive_gym.drive.compilation import called, inlined
 from flexdrive_gym.drive.crossing import crossing
 from flexdrive_gym.drive.effects import FLAG, LINEAR, PUSH_1, PUSH_2
 from flexdrive_gym.drive.forces import (
+    RECOILS,
     W2,
     accelerations,
     begin_piece,
@@ -48,6 +49,8 @@ from flexdrive_gym.drive.piece import INTEGRATES, SLIDING, STICKING_1, STICKING_
 from flexdrive_gym.drive.simd.pack import anywhere, chosen, raised
 
 MAX_EVENTS = 12
+# how often two carts at rest are asked in turn: four combinations of two answers each
+MAX_TURNS = 4
 _FINISHES_1, _FINISHES_2, _FINISHES_ACTUATOR = (FLAG["finish", where] for where in ("cart_1", "cart_2", "actuator"))
 
 
@@ -71,12 +74,43 @@ def _forces(
 
 
 @inlined
-def _direction(v: float, released: float, margin: float, sign: float) -> float:
+def _direction(v: float, released: float) -> float:
     if v != 0.0:
         return 1.0 if v > 0.0 else -1.0
-    if released != 0.0:
-        return released
-    return sign if margin > 0.0 else 0.0
+    return released
+
+
+@inlined
+def _directions(
+    x1: float,
+    v1: float,
+    x2: float,
+    v2: float,
+    released_1: float,
+    released_2: float,
+    u: float,
+    t: float,
+    z: Any,
+    p: Any,
+) -> tuple[float, float, float, float]:
+    """Return the directions in which the carts begin a piece, and by how much forces on carts at rest leave the friction sets.
+
+    On a track that gives way the one depends on the other, where both rest: they are asked in turn until nothing changes.
+    """
+    s1, s2, held_1, held_2 = _direction(v1, released_1), _direction(v2, released_2), 0.0, 0.0
+    for _ in range(MAX_TURNS):
+        before_1, before_2 = s1, s2
+        if v1 == 0.0:
+            held_1, sign = margin_1(x1, x2, v2, s2, u, t, z, 0, p)
+            if released_1 == 0.0:
+                s1 = sign if held_1 > 0.0 else 0.0
+        if v2 == 0.0:
+            held_2, sign = margin_2(x1, x2, v1, s1, u, t, z, 0, p)
+            if released_2 == 0.0:
+                s2 = sign if held_2 > 0.0 else 0.0
+        if z is None or not raised(z, RECOILS) or (s1 == before_1 and s2 == before_2):
+            break
+    return s1, s2, held_1, held_2
 
 
 @inlined
@@ -156,16 +190,13 @@ def step_through_events(
     released_1, released_2 = 0.0, 0.0
     trial = 6 * width(z)
     for attempt in range(MAX_EVENTS):
-        held_1, sign_1 = margin_1(x1, x2, v2, u, t, z, 0, p) if v1 == 0.0 else (0.0, 0.0)
-        held_2, sign_2 = margin_2(x1, x2, v1, u, t, z, 0, p) if v2 == 0.0 else (0.0, 0.0)
-        s1 = _direction(v1, released_1, held_1, sign_1)
-        s2 = _direction(v2, released_2, held_2, sign_2)
+        s1, s2, held_1, held_2 = _directions(x1, v1, x2, v2, released_1, released_2, u, t, z, p)
         y1, w1, y2, w2 = piece(x1, v1, x2, v2, s1, s2, u, t, left, table, z, p)
 
         # events of the trial: a sliding cart came back through zero, a sticking cart can no longer be held
         stop_1, stop_2 = s1 * w1 < 0.0, s2 * w2 < 0.0
-        over_1, free_1 = margin_1(y1, y2, w2, u, t + left, z, trial, p) if s1 == 0.0 else (0.0, 0.0)
-        over_2, free_2 = margin_2(y1, y2, w1, u, t + left, z, trial, p) if s2 == 0.0 and p[W2] > 0.0 else (0.0, 0.0)
+        over_1, free_1 = margin_1(y1, y2, w2, s2, u, t + left, z, trial, p) if s1 == 0.0 else (0.0, 0.0)
+        over_2, free_2 = margin_2(y1, y2, w1, s1, u, t + left, z, trial, p) if s2 == 0.0 and p[W2] > 0.0 else (0.0, 0.0)
         loose_1, loose_2 = over_1 > 0.0, over_2 > 0.0
         if attempt == MAX_EVENTS - 1 or not (stop_1 or stop_2 or loose_1 or loose_2):
             commit(y1, y2, s1, s2, u, t + left, z, p)
@@ -231,9 +262,9 @@ def _release(
         s1, s2 = (0.0, s_other) if cart == 1 else (s_other, 0.0)
         y1, w1, y2, w2, _a1, _a2 = smooth(x1, v1, x2, v2, s1, s2, u, t, theta * left, z, p)
         if cart == 1:
-            value, _s = margin_1(y1, y2, w2, u, t + theta * left, z, trial, p)
+            value, _s = margin_1(y1, y2, w2, s_other, u, t + theta * left, z, trial, p)
         else:
-            value, _s = margin_2(y1, y2, w1, u, t + theta * left, z, trial, p)
+            value, _s = margin_2(y1, y2, w1, s_other, u, t + theta * left, z, trial, p)
         if abs(value) < 1e-14 or high - low < 1e-12:
             return theta
         if value > 0.0:

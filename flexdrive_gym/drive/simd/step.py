@@ -12,10 +12,10 @@ from typing import Any
 
 from flexdrive_gym.drive.compilation import called, inlined, shifted
 from flexdrive_gym.drive.effects import N_BASE_PARAMETERS, SEEN_BY_STEP, WORKSPACE
-from flexdrive_gym.drive.forces import W2, margin_1, margin_2
+from flexdrive_gym.drive.forces import RECOILS, W2, margin_1, margin_2
 from flexdrive_gym.drive.piece import TABLE, tabulate, width
 from flexdrive_gym.drive.sample import MEMORY, clear
-from flexdrive_gym.drive.simd.pack import WIDTH, anywhere, chosen, lane, numbers_of, with_lane
+from flexdrive_gym.drive.simd.pack import WIDTH, anywhere, chosen, lane, numbers_of, raised, with_lane
 from flexdrive_gym.drive.step import commit, piece, step_through_events
 
 # a workspace of packs, then one of numbers per lane, in which it takes the steps that it takes by itself
@@ -45,23 +45,27 @@ def step_lanes(
 ) -> tuple[Any, Any, Any, Any]:
     """Advance all lanes by h seconds, each under a constant force; return x1, v1, x2, v2."""
     rest_1, rest_2 = v1 == 0.0, v2 == 0.0
-    s1, s2 = chosen(v1 > 0.0, 1.0, -1.0), chosen(v2 > 0.0, 1.0, -1.0)
+    s1 = chosen(rest_1, 0.0, chosen(v1 > 0.0, 1.0, -1.0))
+    s2 = chosen(rest_2, 0.0, chosen(v2 > 0.0, 1.0, -1.0))
     if anywhere(rest_1):
-        held, sign = margin_1(x1, x2, v2, u, t, z, 0, p)
-        s1 = chosen(rest_1, chosen(held > 0.0, sign, 0.0), s1)
+        held, sign = margin_1(x1, x2, v2, s2, u, t, z, 0, p)
+        s1 = chosen(rest_1 & (held > 0.0), sign, s1)
     if anywhere(rest_2):
-        held, sign = margin_2(x1, x2, v1, u, t, z, 0, p)
-        s2 = chosen(rest_2, chosen(held > 0.0, sign, 0.0), s2)
+        held, sign = margin_2(x1, x2, v1, s1, u, t, z, 0, p)
+        s2 = chosen(rest_2 & (held > 0.0), sign, s2)
     y1, w1, y2, w2 = piece(x1, v1, x2, v2, s1, s2, u, t, h, table, z, p)
 
     trial = 6 * width(z)
     ends = (s1 * w1 < 0.0) | (s2 * w2 < 0.0)
+    if raised(z, RECOILS):
+        # where one of two carts at rest leaves, the other is asked again
+        ends = ends | (rest_1 & rest_2 & ((s1 != 0.0) | (s2 != 0.0)))
     sticks_1, sticks_2 = s1 == 0.0, s2 == 0.0
     if anywhere(sticks_1):
-        over, _sign = margin_1(y1, y2, w2, u, t + h, z, trial, p)
+        over, _sign = margin_1(y1, y2, w2, s2, u, t + h, z, trial, p)
         ends = ends | (sticks_1 & (over > 0.0))
     if p[W2] > 0.0 and anywhere(sticks_2):
-        over, _sign = margin_2(y1, y2, w1, u, t + h, z, trial, p)
+        over, _sign = margin_2(y1, y2, w1, s1, u, t + h, z, trial, p)
         ends = ends | (sticks_2 & (over > 0.0))
     if anywhere(ends):
         return _with_events(ends, x1, v1, x2, v2, y1, w1, y2, w2, s1, s2, u, t, h, table, z, p)

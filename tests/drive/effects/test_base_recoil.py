@@ -162,3 +162,56 @@ def test_a_stuck_cart_rides_on_the_track_until_friction_gives_way():
     largest = np.abs(np.gradient(held[5], 2.5e-4)).max() * rig["m2"]
     loose = with_track({**rig, **TRACK, "d2": 0.8 * largest}, u, 2.5e-4)
     assert np.any(loose[3] != 0.0)
+
+
+# a track as light as the carts, which decides what their friction can hold
+LIGHT = {"base_recoil.compliance": 0.089, "base_recoil.frequency": 65.0, "base_recoil.zeta": 0.244}
+
+
+def directions_from_rest(rig, track, u, deflection, xb, vb):
+    """The one pair of directions, of all nine, whose accelerations and friction agree with the law of Coulomb."""
+    w = 2 * np.pi * track["base_recoil.frequency"]
+    mass = 1.0 / (track["base_recoil.compliance"] * w**2)
+    foot = -mass * (w**2 * xb + 2.0 * track["base_recoil.zeta"] * w * vb)
+    fs = rig["k"] * deflection
+    m, d, drive = (rig["m1"], rig["m2"]), (rig["d1"], rig["d2"]), (u, 0.0)
+    found = []
+    for s in ((a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)):
+        # unknown: accelerations in the room of cart 1, cart 2 and the track, friction on the carts
+        a, b = np.zeros((5, 5)), np.array([drive[0] - fs, fs, foot - sum(drive), 0.0, 0.0])
+        a[0, 0], a[1, 1], a[2, 2], a[0, 3], a[1, 4], a[2, 3], a[2, 4] = *m, mass, -1.0, -1.0, 1.0, 1.0
+        for c in (0, 1):
+            if s[c]:
+                a[3 + c, 3 + c], b[3 + c] = 1.0, -s[c] * d[c]
+            else:
+                a[3 + c, c], a[3 + c, 2] = 1.0, -1.0
+        x = np.linalg.solve(a, b)
+        if all(s[c] * (x[c] - x[2]) > 0.0 if s[c] else abs(x[3 + c]) <= d[c] for c in (0, 1)):
+            found.append(s)
+    assert len(found) == 1
+    return found[0]
+
+
+def test_carts_that_rest_together_part_as_friction_of_both_allows():
+    values, rng, seen = {**RIG, **LIGHT}, np.random.default_rng(3), set()
+    p, at = parameters.vector(values), LAYOUT["base_recoil.compliance"].state_index
+    for _ in range(300):
+        u, deflection, xb, vb = rng.uniform(-1, 1, 4) * (1.5, 6.0, 0.05, 15.0)
+        expected = directions_from_rest(RIG, LIGHT, u, deflection, xb, vb)
+        z, memory, reading = parameters.workspace(values), np.zeros(WORK_SPACE), np.zeros(4)
+        state, h = np.array([deflection, 0.0, 0.0, 0.0]), 1e-6
+        kernels.begin(state, h, 1, memory, z, p, reading)
+        z[at], z[at + 1] = xb, vb
+        kernels.run_sample(state, u, 0.0, h, 1, memory, z, p, reading)
+        assert (np.sign(state[1]), np.sign(state[3])) == expected
+        seen.add(expected)
+    assert len(seen) >= 7
+
+
+def test_the_step_does_not_change_a_motion_in_which_both_carts_come_to_rest():
+    u = 2.5 * np.sin(2 * np.pi * 5.0 * instants(0.8))
+    coarse, fine, finest = (with_track({**RIG, **LIGHT}, u, physics_step=h) for h in (5e-4, 2.5e-4, 3.125e-5))
+    error = [np.abs(x - finest)[[1, 3]].max() for x in (coarse, fine)]
+    # of fourth order, not of first
+    assert error[0] < 1e-4 * np.abs(finest[[1, 3]]).max()
+    assert error[1] < error[0] / 8.0
