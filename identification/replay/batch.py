@@ -164,10 +164,6 @@ class RunBatch:
         self._held = bool((self._recorded.places[:, _PIECES] == 1).all())
         self._lane_replays: dict[tuple[int, int], LaneReplay] = {}
 
-    def _fits(self, values: Mapping[str, float], pushes: Sequence[FloatArray] | None) -> bool:
-        """Whether one drive can be replayed in lanes: it has a workspace, and commands that are held from sample to sample."""
-        return self._held and (pushes is not None or parameters.needs_workspace(values))
-
     def _lanes(self, first: int, last: int) -> LaneReplay:
         if (first, last) not in self._lane_replays:
             self._lane_replays[first, last] = LaneReplay(self.runs[first:last])
@@ -206,7 +202,7 @@ class RunBatch:
         asked = range(first, last)
         drives = [values] if isinstance(values, Mapping) else list(values)
         alike = all(_but_levels(v) == _but_levels(drives[0]) for v in drives[1:])
-        if last - first > 1 and alike and self._fits(drives[0], pushes):
+        if last - first > 1 and alike and self._held:
             common, levels = drives[0], None
             if len(drives) > 1:
                 levels = np.array([[v.get(name, 0.0) for name in _LEVELS] for v in drives])

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.accuracy import FAST, fast_errors
 from flexdrive_gym import Drive
 from identification.replay.batch import RunBatch
 from identification.replay.output_error import PHYSICS_S, prepare, simulate_run
@@ -86,3 +87,12 @@ def test_the_longest_step_is_short_enough(own, motion):
     values = {**RIG, **own}
     long, short = (np.array(simulate_run(values, run, step)) for step in (PHYSICS_S, 1e-4))
     assert np.sqrt(np.mean((long - short) ** 2)) < (2e-3 if "coupling_backlash.g" in own else 3e-4)
+
+
+@each("effect", list(FAST))
+def test_a_fast_effect_takes_steps_that_are_short_enough(effect):
+    """A hundredth of what an encoder of 0.026 mm rounds the mean over a block by; a contact, which no event bounds, a tenth."""
+    errors, changes = fast_errors(effect, 40)
+    rounding = 0.026 / 5e-3 / np.sqrt(6.0)
+    assert np.quantile(errors, 0.9) < (0.1 if effect == "motor_gear_backlash" else 0.01) * rounding
+    assert np.median(changes) > 10.0 * np.median(errors)
