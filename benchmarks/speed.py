@@ -76,9 +76,9 @@ def in_lanes() -> None:
         for a, f in ((2.5, 0.5), (2.5, 2.0), (2.5, 8.0), (1.2, 1.0))
     ]
     day, nowhere = RunBatch(runs), np.zeros(len(runs))
-    for name in ("presliding", "stribeck", "cogging", "hardening_spring", "tilt", "extra_mode"):
-        effect = next(e for e in EFFECTS if e.id == name)
-        values = {**RIG, **{effect.key(w, q.name): q.starts[0] for w in effect.where[:1] for q in effect.parameters}}
+    for name in ("base effects", "presliding", "stribeck", "cogging", "hardening_spring", "tilt", "extra_mode"):
+        own = [e for e in EFFECTS if e.id == name]
+        values = {**RIG, **{e.key(w, q.name): q.starts[0] for e in own for w in e.where[:1] for q in e.parameters}}
         lanes = partial(day.residual, values, nowhere)
         single = [partial(day.residual, values, nowhere, i, i + 1) for i in range(len(runs))]
         apart = np.abs(lanes() - np.concatenate([one() for one in single])).max()

@@ -69,8 +69,9 @@ def test_so_do_delays_limits_and_several_effects(runs, name):
     same(RunBatch(day), values)
 
 
-def test_so_do_pushes_on_a_drive_without_effects(runs):
+def test_so_does_a_drive_without_effects_pushed_or_not(runs):
     rng = np.random.default_rng(3)
+    same(RunBatch(runs), RIG)
     same(RunBatch(runs), RIG, [0.1 * rng.standard_normal((2, len(run.u))) for run in runs])
 
 
