@@ -17,7 +17,8 @@ A step ends early at the first *event* inside it:
   velocities and accelerations at both ends, exact to fourth order in h. The cart is put to v = 0 and either sticks or
   reverses;
 * a sticking cart's force leaves the set [-d, d] (or exceeds the breakaway level). The instant is found by a bracketed
-  secant on the margin of that force; the cart is released in its direction.
+  secant on the margin of that force; the cart is released in its direction. On a track that gives way, what holds one
+  cart depends on whether the other slides, so that two carts at rest are asked together.
 
 So a cart at rest has exactly zero velocity (no creep), and the result depends on the step size only to the order of
 the scheme. Event-driven integration of dry friction: V. Acary, B. Brogliato, Numerical Methods for Nonsmooth
